@@ -7,7 +7,7 @@ Cully 2019 (https://arxiv.org/abs/1905.11874); Grillotti & Cully 2022
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -15,15 +15,9 @@ from gymnasium import spaces
 from curiosity_algos.archives.trajectory_encoder import TrajectoryEncoder
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.arrays import Float32Array, Float64Array
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
-from curiosity_algos.loops.quality_diversity import (
-    Fields,
-    FieldTypes,
-    MutationKeywords,
-    QualityDiversity,
-)
+from curiosity_algos.loops.declared import setting
+from curiosity_algos.loops.quality_diversity import Fields, FieldTypes, QualityDiversity
 from curiosity_gym.validation import check_at_least_one, check_positive, check_share
 
 
@@ -56,40 +50,17 @@ class AURORA(QualityDiversity):
 
     archive: UnstructuredArchive
     archive_class = UnstructuredArchive
-    _of_archive: ClassVar[set[str]] = {"archive_size"}
-
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        latent_size: int = 10,
-        trajectory_share: float = 0.4,
-        archive_size: int = 1000,
-        training_interval: int = 10,
-        n_epochs: int = 10,
-        ae_learning_rate: float = 1e-3,
-        batch_size: int = 64,
-        **kwargs: Unpack[MutationKeywords],
-    ) -> None:
-        self.latent_size = latent_size
-        self.trajectory_share = trajectory_share
-        self.archive_size = archive_size
-        self.training_interval = training_interval
-        self.n_epochs = n_epochs
-        self.ae_learning_rate = ae_learning_rate
-        self.batch_size = batch_size
-        super().__init__(env, policy, **kwargs)
+    latent_size: int = setting(10, check_at_least_one, fixed=True)
+    trajectory_share: float = setting(0.4, check_share, fixed=True)
+    archive_size: int = setting(1000, check_at_least_one)
+    training_interval: int = setting(10, check_at_least_one)
+    n_epochs: int = setting(10, check_at_least_one, part="_encoder")
+    ae_learning_rate: float = setting(1e-3, check_positive)
+    batch_size: int = setting(64, check_at_least_one, part="_encoder")
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_at_least_one(latent_size=self.latent_size, archive_size=self.archive_size)
-        check_at_least_one(training_interval=self.training_interval, n_epochs=self.n_epochs)
-        check_at_least_one(batch_size=self.batch_size)
-        check_share(trajectory_share=self.trajectory_share)
-        check_positive(
-            trajectory_share=self.trajectory_share, ae_learning_rate=self.ae_learning_rate
-        )
+        check_positive(trajectory_share=self.trajectory_share)
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         self._check_begins_empty()
@@ -113,13 +84,8 @@ class AURORA(QualityDiversity):
             **self._archive_kwargs(seed),
         )
 
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        return super()._fixed_settings() | {"latent_size", "trajectory_share"}
-
     def _put_in_force(self) -> None:
         super()._put_in_force()
-        self._encoder.n_epochs, self._encoder.batch_size = self.n_epochs, self.batch_size
         self._encoder.learning_rate = self.ae_learning_rate
         if self._own_archive is None:
             self.archive.target_size = self.archive_size

@@ -7,17 +7,17 @@ Fontaine et al. 2020, "Covariance Matrix Adaptation for the Rapid Illumination o
 from __future__ import annotations
 
 import contextlib
-from functools import cache
-from typing import Any, ClassVar, Unpack
+from functools import cache, partial
+from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 from ribs.emitters import EmitterBase, EvolutionStrategyEmitter
 
-from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
+from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_gym.validation import check_at_least_one, check_choice
+from curiosity_algos.loops.declared import setting
+from curiosity_algos.loops.quality_diversity import POPULATION_SIZE
+from curiosity_gym.validation import check_at_least_one, check_choice, check_positive
 
 STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es")
 
@@ -37,39 +37,22 @@ class CMAME(MAPElites):
             directions.
     """
 
-    _of_emitter: ClassVar[set[str]] = {*MAPElites._of_emitter, "restart_interval"}
-
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        sigma: float = 0.1,
-        restart_interval: int = 10,
-        es: str = "cma_es",
-        **kwargs: Unpack[GridKeywords],
-    ) -> None:
-        self.restart_interval = restart_interval
-        self.es = es
-        super().__init__(env, policy, sigma=sigma, **kwargs)
+    population_size: int = setting(POPULATION_SIZE, check_at_least_one, fixed=True)
+    sigma: float = setting(0.1, check_positive)
+    restart_interval: int = setting(10, check_at_least_one)
+    es: str = setting("cma_es", partial(check_choice, STRATEGIES), fixed=True)
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_at_least_one(restart_interval=self.restart_interval)
-        check_choice(STRATEGIES, es=self.es)
         if self.emitters is None and self.population_size < 2:
             raise ValueError("`population_size` must be at least 2, got 1: CMA-ES compares.")
-
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        return super()._fixed_settings() | {"es", "population_size"}
 
     def _steer(self, emitter: Any) -> None:
         emitter._opt.sigma0, emitter._restart_rule = self.sigma, self.restart_interval
 
     def _step_size(self) -> float:
         (emitter,) = self._emitters.emitters
-        return float(emitter._opt.sigma)  # type: ignore[attr-defined]  # pyribs shows it nowhere else
+        return float(emitter._opt.sigma)  # pyribs shows it nowhere else
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         emitter = EvolutionStrategyEmitter(

@@ -5,20 +5,13 @@ Le Tolguenec et al. 2022, "Curiosity creates Diversity in Policy Search", algori
 
 from __future__ import annotations
 
-from typing import Unpack
-
 import numpy as np
 
-from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
-from curiosity_algos.loops.evolution_strategy import MotivatedKeywords, MotivatedStrategy
+from curiosity_algos.loops.curious_algorithm import CuriousAlgorithm
+from curiosity_algos.loops.declared import or_none, setting
+from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
 from curiosity_algos.motivations.curiosity import CuriosityMotivation, check_how_to_score
-
-
-class _Keywords(BonusKeywords, MotivatedKeywords, total=False):
-    pass
+from curiosity_gym.validation import check_at_least_one, check_share
 
 
 class CuriosityES(CuriousAlgorithm, MotivatedStrategy):
@@ -44,31 +37,12 @@ class CuriosityES(CuriousAlgorithm, MotivatedStrategy):
             (eq. 10); 1 where `n_states` is a number.
     """
 
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        bonus: str | Bonus = "apt",
-        n_states: int | None = 20,
-        gamma: float = 1.0,
-        n_updates: int = 32,
-        batch_size: int = 256,
-        **kwargs: Unpack[_Keywords],
-    ) -> None:
-        self.n_states = n_states
-        self.gamma = gamma
-        super().__init__(
-            env, policy, bonus=bonus, n_updates=n_updates, batch_size=batch_size, **kwargs
-        )
+    n_states: int | None = setting(20, or_none(check_at_least_one), part="_motivation")
+    gamma: float = setting(1.0, check_share, part="_motivation")
 
     def _check_settings(self) -> None:
         super()._check_settings()
         check_how_to_score(self.n_states, self.gamma)
-
-    def _put_in_force(self) -> None:
-        super()._put_in_force()
-        self._motivation.n_states, self._motivation.gamma = self.n_states, self.gamma
 
     def _make_motivation(self, seed: np.random.SeedSequence) -> CuriosityMotivation:
         return self._make_curiosity(seed, n_states=self.n_states, gamma=self.gamma)

@@ -6,27 +6,22 @@ The paper's discussion names the combination of curiosity and MAP-Elites as futu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
-from curiosity_algos.algorithms.map_elites import GridKeywords, MAPElites
+from curiosity_algos.algorithms.map_elites import MAPElites
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.common.arrays import Float32Array
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
-from curiosity_algos.loops.curious_algorithm import BonusKeywords, CuriousAlgorithm
+from curiosity_algos.loops.curious_algorithm import CuriousAlgorithm
+from curiosity_algos.loops.declared import setting
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
 from curiosity_algos.motivations.elites import EliteCuriosity
 from curiosity_algos.search.emitters import TournamentEmitter
-from curiosity_gym.validation import check_at_least_one
-
-
-class _Keywords(BonusKeywords, GridKeywords, total=False):
-    pass
+from curiosity_gym.validation import check_at_least_one, check_positive
 
 
 class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
@@ -51,36 +46,12 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
     """
 
-    _of_emitter: ClassVar[set[str]] = {*MAPElites._of_emitter, "tournament_size"}
-
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        sigma: float = 0.1,
-        tournament_size: int = 32,
-        n_kept: int = 32,
-        bonus: str | Bonus = "icm",
-        n_updates: int = 64,
-        batch_size: int = 1024,
-        **kwargs: Unpack[_Keywords],
-    ) -> None:
-        self.tournament_size = tournament_size
-        self.n_kept = n_kept
-        super().__init__(
-            env,
-            policy,
-            sigma=sigma,
-            bonus=bonus,
-            n_updates=n_updates,
-            batch_size=batch_size,
-            **kwargs,
-        )
-
-    def _check_settings(self) -> None:
-        super()._check_settings()
-        check_at_least_one(tournament_size=self.tournament_size, n_kept=self.n_kept)
+    bonus: str | Bonus = setting("icm", settled=True)
+    n_updates: int = setting(64, check_at_least_one, part="_motivation")
+    batch_size: int = setting(1024, check_at_least_one, part="_motivation")
+    sigma: float = setting(0.1, check_positive)
+    tournament_size: int = setting(32, check_at_least_one)
+    n_kept: int = setting(32, check_at_least_one, fixed=True)
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         curiosity_seed, draws_seed, search_seed = seed.spawn(3)
@@ -110,10 +81,6 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
             batch_size=self.population_size,
             seed=seed,
         )
-
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        return super()._fixed_settings() | {"n_kept"}
 
     def _parts(self) -> dict[str, Any]:
         own = {"motivation": self._motivation, "curiosity": self._curiosity}

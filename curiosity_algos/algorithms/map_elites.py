@@ -7,27 +7,22 @@ Mouret & Clune 2015, "Illuminating search spaces by mapping elites"
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive, check_cells
-from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.flat_spaces import is_range
-from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.quality_diversity import (
-    ArchiveKeywords,
-    MutationKeywords,
-    QualityDiversity,
-)
+from curiosity_algos.loops.declared import setting
+from curiosity_algos.loops.quality_diversity import QualityDiversity
 from curiosity_algos.state.settings import python_number
 
 
-class GridKeywords(ArchiveKeywords, total=False):
-    """Keywords of algorithms with a grid but the mutations' size, see `MAPElites`."""
-
-    n_cells: int | Sequence[int]
+def _python_numbers(n_cells: Any) -> Any:
+    """A number, or a list of them, as a file's JSON knows them."""
+    is_one = not isinstance(n_cells, list | tuple | np.ndarray)
+    return python_number(n_cells) if is_one else [*map(python_number, n_cells)]
 
 
 class MAPElites(QualityDiversity):
@@ -47,24 +42,7 @@ class MAPElites(QualityDiversity):
         ValueError: If the env has no bounded `behavior_space`, or `n_cells` does not fit it.
     """
 
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        n_cells: int | Sequence[int] = 50,
-        **kwargs: Unpack[MutationKeywords],
-    ) -> None:
-        self.n_cells: int | list[int] = (
-            [*map(python_number, n_cells)]
-            if isinstance(n_cells, list | tuple | np.ndarray)
-            else python_number(n_cells)
-        )
-        super().__init__(env, policy, **kwargs)
-
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        return super()._fixed_settings() | {"n_cells"}
+    n_cells: int | Sequence[int] = setting(50, convert=_python_numbers, fixed=True)
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         if space is None or not (is_range(space) or self._own_archive is not None):
@@ -83,7 +61,7 @@ class MAPElites(QualityDiversity):
 
     def _dims(self, space: spaces.Box[Any]) -> list[int]:
         """Cells along each dimension."""
-        n_cells = self.n_cells
+        n_cells: Any = self.n_cells
         return n_cells if isinstance(n_cells, list) else [n_cells] * self._measure_dim(space)
 
     def _make_archive(self, seed: np.random.SeedSequence) -> SparseGridArchive:

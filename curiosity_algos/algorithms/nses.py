@@ -7,14 +7,13 @@ meta-population, as the paper's section 4.2 has it.
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.evolution_strategy import MotivatedKeywords, MotivatedStrategy
+from curiosity_algos.loops.declared import setting
+from curiosity_algos.loops.evolution_strategy import MotivatedStrategy
 from curiosity_algos.motivations.novelty import NoveltyMotivation, behavior_size
 from curiosity_gym.validation import check_at_least_one
 
@@ -39,33 +38,13 @@ class NSES(MotivatedStrategy):
             observation (the paper's BD_s), which any environment has.
     """
 
+    k: int = setting(10, check_at_least_one, part="_motivation")
+    behavior: str = setting("final", fixed=True)
     _motivation: NoveltyMotivation
-
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        k: int = 10,
-        behavior: str = "final",
-        **kwargs: Unpack[MotivatedKeywords],
-    ) -> None:
-        self.k = k
-        self.behavior = behavior
-        super().__init__(env, policy, **kwargs)
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_at_least_one(k=self.k)
         self._check_behaviors(self._behavior_space)
-
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        return super()._fixed_settings() | {"behavior"}
-
-    def _put_in_force(self) -> None:
-        super()._put_in_force()
-        self._motivation.k = self.k
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         behavior_size(self.behavior, self.observation_space, space)

@@ -7,7 +7,7 @@ Competition" (https://doi.org/10.1145/2001576.2001606); the paper's section 4.3.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Unpack
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -15,15 +15,9 @@ from ribs.emitters import EmitterBase
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_observations
-from curiosity_algos.loops.quality_diversity import (
-    Fields,
-    FieldTypes,
-    MutationKeywords,
-    QualityDiversity,
-)
+from curiosity_algos.loops.declared import setting
+from curiosity_algos.loops.quality_diversity import Fields, FieldTypes, QualityDiversity
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_algos.motivations.novelty import BEHAVIORS, behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
@@ -64,29 +58,13 @@ class NSLC(QualityDiversity):
 
     archive: UnstructuredArchive
     archive_class = UnstructuredArchive
-    _of_archive: ClassVar[set[str]] = {"archive_size", "k"}
-    _of_emitter: ClassVar[set[str]] = {*QualityDiversity._of_emitter, "n_parents"}
-
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        n_parents: int | None = None,
-        k: int = 10,
-        behavior: str = "final",
-        archive_size: int = 2000,
-        **kwargs: Unpack[MutationKeywords],
-    ) -> None:
-        self.n_parents = n_parents
-        self.k = k
-        self.behavior = behavior
-        self.archive_size = archive_size
-        super().__init__(env, policy, **kwargs)
+    n_parents: int | None = setting(None)
+    k: int = setting(10, check_at_least_one)
+    behavior: str = setting("final", fixed=True)
+    archive_size: int = setting(2000, check_at_least_one)
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_at_least_one(k=self.k, archive_size=self.archive_size)
         # Emitters of one's own choose parents themselves, and say how large a population is.
         n_most = self.population_size if self.emitters is None else LARGEST_COUNT
         check_whole(1, n_most, n_parents=self._n_parents)
@@ -159,10 +137,6 @@ class NSLC(QualityDiversity):
             batch_size=self.population_size,
             seed=seed,
         )
-
-    @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        return super()._fixed_settings() | {"behavior"}
 
     def _put_in_force(self) -> None:
         super()._put_in_force()

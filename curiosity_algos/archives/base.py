@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Required, Self, TypedDict
 
@@ -16,26 +16,20 @@ from ribs.archives import ArchiveBase, ArchiveStats
 from curiosity_algos.archives.fields import (
     COMMON,
     Batch,
-    behaviors_of,
     check_batch,
     check_elites,
-    check_finite,
-    check_keeps,
-    check_widths,
     describe,
-    describe_elites,
-    describe_extra,
+    describe_for_search,
     described_by,
     nearest_elite,
-    undo_on_error,
 )
 from curiosity_algos.archives.store import EliteStore
 from curiosity_algos.archives.verify import Verification, verify
-from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
+from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.state.file import read, save
-from curiosity_gym.validation import check_seed
+from curiosity_gym.validation import check_at_least_one, check_seed
 
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
 """Statuses of an insertion, as pyribs numbers them."""
@@ -71,8 +65,7 @@ class EliteArchive(ArchiveBase):
             default ones.
 
     Raises:
-        ValueError: If an argument is out of its range, a name in `extra_fields` is taken, or a type
-            holds no numbers.
+        ValueError: If an argument is out of its range, or `extra_fields` are no such fields.
     """
 
     def __init__(
@@ -86,15 +79,19 @@ class EliteArchive(ArchiveBase):
         extra_fields: Mapping[str, tuple[Any, Any]] | None = None,
         net_arch: Sequence[int] | None = None,
     ) -> None:
-        check_finite(qd_score_offset=qd_score_offset)
+        check_at_least_one(solution_dim=solution_dim, measure_dim=measure_dim)
         if not isinstance(seed, np.random.SeedSequence):
             check_seed(seed)
-        self._description = describe(solution_dim, measure_dim, solution_dtype, extra_fields)
+        self._description = {
+            "solution": ((int(solution_dim),), np.dtype(solution_dtype)),
+            "objective": ((), np.dtype(np.float64)),
+            "measures": ((int(measure_dim),), np.dtype(np.float64)),
+            **describe({} if extra_fields is None else extra_fields),
+        }
         super().__init__(solution_dim=solution_dim, objective_dim=(), measure_dim=measure_dim)
         self.qd_score_offset = float(qd_score_offset)
-        self.net_arch = None if net_arch is None else check_widths(net_arch)
+        self.net_arch = None if net_arch is None else [*map(operator.index, net_arch)]
         self._rng = np.random.default_rng(seed)
-        self._own_fields = self._description.keys() - COMMON
         self._begin()
 
     def _begin(self) -> None:
@@ -195,20 +192,8 @@ class EliteArchive(ArchiveBase):
         Raises:
             ValueError: If a field is missing, unknown, of another shape, or not finite.
         """
-        given = {"solution": solution, "objective": objective, "measures": measures, **fields}
-        return self._insert(check_batch(self._description, given))
-
-    def add_single(
-        self,
-        solution: npt.ArrayLike,
-        objective: npt.ArrayLike,
-        measures: npt.ArrayLike,
-        **fields: npt.ArrayLike,
-    ) -> dict[str, Any]:
-        """Offer one solution; as `add`, without the leading dimension."""
-        given = {"solution": solution, "objective": objective, "measures": measures, **fields}
-        info = self.add(**{name: np.asarray(value)[None] for name, value in given.items()})
-        return {name: values[0] for name, values in info.items()}
+        batch = {"solution": solution, "objective": objective, "measures": measures, **fields}
+        return self._insert(check_batch(self._description, batch))
 
     def data(
         self, fields: str | Collection[str] | None = None, return_type: str | None = None
@@ -257,51 +242,29 @@ class EliteArchive(ArchiveBase):
     ) -> None:
         """Serve a search that keeps these fields of policies with these hidden layers.
 
-        Args:
-            extra_fields: See `EliteArchive`; an empty archive takes them over, in place of those
-                of an earlier search.
-            net_arch: See `EliteArchive`.
-            seed: Of `sample_elites` from now on.
-
-        Raises:
-            ValueError: If the archive was made with fields that the search does not keep, or holds
-                elites with others than it keeps.
+        An empty archive takes over the fields that it lacks; ValueError if it has others. `seed` is
+        that of `sample_elites` from now on.
         """
-        fields = describe_extra(extra_fields)
-        common = {k: v for k, v in self._description.items() if k in COMMON}
-        is_same = self._description == common | fields
-        check_keeps(self._own_fields <= fields.keys() if self.empty else is_same, fields)
-        if self.empty:
-            self._description = common | fields
+        known, is_empty = self._description, self.empty
+        self._description = describe_for_search(known, extra_fields, is_empty=is_empty)
+        if is_empty:
             self._begin()
-        self.net_arch = check_widths(net_arch)
+        self.net_arch = [*net_arch]
         self._rng = np.random.default_rng(seed)
 
-    def unchanged_on_error(self) -> AbstractContextManager[None]:
-        """Undo what a block that raises did by `prepare`, `clear` and `load_state_dict`."""
-        return undo_on_error(self)  # the rest they replace
-
     # -- policies -------------------------------------------------------------------------------
-
-    @property
-    def behaviors(self) -> Float64Array:
-        """The elites' behaviors (n, B), the measures unless a field "behavior" is kept."""
-        return behaviors_of(self)
 
     def nearest(self, behavior: npt.ArrayLike) -> Array:
         """The solution whose behavior is nearest to `behavior` (B,), in Euclidean distance.
 
         Raises:
-            ValueError: If `behavior` is not finite of that shape, or the archive is empty.
+            ValueError: If `behavior` is not finite of that shape, or there are no elites.
         """
         nearest = nearest_elite(self, behavior)
         return self._elites.get("solution", [nearest])[0]  # type: ignore[no-any-return]
 
     def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:
-        """Play every elite again, and compare its return and behavior with those kept.
-
-        See `curiosity_algos.archives.verify.verify`.
-        """
+        """Play every elite again, see `curiosity_algos.archives.verify.verify`."""
         return verify(self, env, n_threads)
 
     # -- files and checkpoints ------------------------------------------------------------------
@@ -318,8 +281,16 @@ class EliteArchive(ArchiveBase):
 
     def _saved_settings(self) -> dict[str, Any]:
         """Keywords that make the archive anew, as JSON can hold them."""
-        common = {"qd_score_offset": self.qd_score_offset, "net_arch": self.net_arch}
-        return {**common, **self.settings}
+        fields = self._description
+        extra = {k: [list(s), t.name] for k, (s, t) in fields.items() if k not in COMMON}
+        return {
+            "solution_dim": fields["solution"][0][0],
+            "solution_dtype": fields["solution"][1].name,
+            "extra_fields": extra,
+            "qd_score_offset": self.qd_score_offset,
+            "net_arch": self.net_arch,
+            **self.settings,
+        }
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -331,9 +302,7 @@ class EliteArchive(ArchiveBase):
         """
         settings, data = read(_npz(path), cls.__name__)
         try:
-            archive = cls(**settings, **described_by(data))
-            if archive._saved_settings() != settings:  # such as text for hidden layers
-                raise ValueError(f"Its settings must be like {archive._saved_settings()}.")
+            archive = cls(**settings)
             archive._restore(data)
         except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"`path` must hold a whole {cls.__name__}: {error}") from error
@@ -349,26 +318,19 @@ class EliteArchive(ArchiveBase):
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If that was no archive with these fields; nothing has changed then.
-        """
-        elites = state["elites"]
-        with self.unchanged_on_error():
-            self._description = describe_elites(elites, self._description)
-            self._restore(elites)
-            self._elites.load_summary(state["objective_sum"], state["best_slot"])
-            load_generator_state(self._rng, state["rng"])
+        """Take over what `state_dict` gave; ValueError if that was of other fields."""
+        self._restore(state["elites"])
+        self._elites.load_summary(state["objective_sum"], state["best_slot"])
+        load_generator_state(self._rng, state["rng"])
 
     def _restore(self, data: Batch) -> None:
-        """Hold the elites of a file; ValueError unless they are as described."""
+        """Take over the elites of a file; ValueError unless they are as described."""
         check_elites(data, self._description)
         self._put(data)
 
     def _put(self, data: Mapping[str, Array]) -> None:
-        """Hold these elites, all fields with "index", instead of what was held."""
-        self._description = {k: (data[k].shape[1:], data[k].dtype) for k in self._description}
+        """Take over these elites, all fields with "index", in place of those before."""
+        self._description = described_by({**data})
         self._begin()
         if n := len(data["objective"]):
             self._elites.write(np.arange(n), {name: data[name] for name in self._description})

@@ -28,21 +28,11 @@ class ArchiveHistory:
     def record(self, timesteps: int, stats: ArchiveStats) -> None:
         """Append the statistics of an archive after a generation of `timesteps`."""
         before = self._rows[-1][0] if self._rows else 0.0
-        values = [
-            before + timesteps,
-            stats.num_elites,
-            stats.coverage,
-            stats.qd_score,
-            stats.obj_max,
-        ]
+        values = before + timesteps, stats.num_elites, stats.coverage, stats.qd_score, stats.obj_max
         self._rows.append(np.array(values, dtype=np.float64).tolist())
 
     def __getitem__(self, column: str) -> Float64Array:
-        """A column, one value for each generation.
-
-        Raises:
-            ValueError: If there is no such column.
-        """
+        """A column, one value for each generation; ValueError if there is no such column."""
         check_choice(COLUMNS, column=column)
         return self._table()[:, COLUMNS.index(column)]
 

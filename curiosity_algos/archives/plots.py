@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from ribs.archives import GridArchive
@@ -26,9 +25,9 @@ if TYPE_CHECKING:
 Cells = tuple[Float64Array, Float64Array, Float64Array]
 """Values (nx, ny), and the cells' edges along x (nx + 1,) and y (ny + 1,)."""
 
-STATISTICS = {"objective": "max", "elites": "count"}
+STATISTICS = {"objective": ("max", "best objective"), "elites": ("count", "elites in a cell")}
+"""What counts of the objectives in a cell, and its label."""
 DEFAULT_CELLS = 50
-LABELS = {"objective": "best objective", "elites": "elites in a cell"}
 
 
 def plot_archive(
@@ -84,12 +83,7 @@ def plot_archive(
 
 
 def _check_dimensions(dimensions: Sequence[int], n_dimensions: int) -> None:
-    try:
-        x, y = map(operator.index, dimensions)
-        is_valid = x != y and {x, y} <= set(range(n_dimensions))
-    except (TypeError, ValueError):
-        is_valid = False
-    if not is_valid:
+    if len(dimensions) != 2 or len({*dimensions} & {*range(n_dimensions)}) != 2:
         raise ValueError(
             f"`dimensions` must be two different whole numbers from 0 to {n_dimensions - 1}, "
             f"got {dimensions!r}."
@@ -97,7 +91,7 @@ def _check_dimensions(dimensions: Sequence[int], n_dimensions: int) -> None:
 
 
 def _count_cells(
-    archive: EliteArchive | PyribsArchive,
+    archive: Any,
     dimensions: Sequence[int],
     by: str,
     n_cells: int | None,
@@ -105,8 +99,9 @@ def _count_cells(
 ) -> Cells:
     from scipy.stats import binned_statistic_2d
 
-    objective, statistic = archive.data("objective"), STATISTICS[by]
-    if n_cells is None and _is_grid(archive):
+    objective, statistic = archive.data("objective"), STATISTICS[by][0]
+    is_grid = isinstance(archive, SparseGridArchive | GridArchive)
+    if n_cells is None and is_grid and "behavior" not in archive.field_list:
         # By their cells: whoever lies at a border, a rounding would put elsewhere.
         places = archive.int_to_grid_index(archive.data("index"))[:, list(dimensions)]
         edges = [archive.boundaries[dimension] for dimension in dimensions]
@@ -121,14 +116,6 @@ def _count_cells(
     return cells.statistic, cells.x_edge, cells.y_edge
 
 
-def _is_grid(
-    archive: EliteArchive | PyribsArchive,
-) -> TypeGuard[SparseGridArchive | GridArchive]:
-    """Whether the archive's own cells are of behaviors."""
-    is_grid = isinstance(archive, SparseGridArchive | GridArchive)
-    return is_grid and "behavior" not in archive.field_list
-
-
 def _draw_cells(
     ax: Axes, cells: Float64Array, x_edges: Float64Array, y_edges: Float64Array, *, by: str
 ) -> None:
@@ -140,4 +127,4 @@ def _draw_cells(
         cells[cells == 0] = np.nan  # as where there is no best objective
     # Below the walls, which cells at their edges would cover.
     mesh = ax.pcolormesh(x_edges, y_edges, cells.T, norm=norm, zorder=0.5)
-    ax.figure.colorbar(mesh, ax=ax, label=LABELS[by], shrink=0.9)
+    ax.figure.colorbar(mesh, ax=ax, label=STATISTICS[by][1], shrink=0.9)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
 
@@ -20,13 +19,10 @@ from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.fields import (
     COMMON,
     Batch,
-    Description,
     check_elites,
-    check_keeps,
-    describe_elites,
-    describe_extra,
+    describe_for_search,
+    described_by,
     nearest_elite,
-    undo_on_error,
 )
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
@@ -35,11 +31,7 @@ PyribsArchive = GridArchive | CVTArchive
 
 
 class PyribsPart:
-    """What a model asks of an archive of pyribs' beside pyribs' interface.
-
-    Args:
-        archive: Keeps the elites; nothing is copied.
-    """
+    """What a model asks of an archive of pyribs' beside pyribs' interface."""
 
     net_arch: Sequence[int] | None = None
     """pyribs' archives do not know what their solutions are."""
@@ -68,27 +60,13 @@ class PyribsPart:
         net_arch: Sequence[int],
         seed: np.random.SeedSequence,
     ) -> None:
-        """Serve a search that keeps these fields, as `EliteArchive.prepare` does.
-
-        Raises:
-            ValueError: If the archive was made with fields that the search does not keep, or holds
-                elites with others than it keeps.
-        """
-        fields, found = describe_extra(extra_fields), self._description
-        own = {k: v for k, v in found.items() if k not in COMMON | {"threshold"}}
-        check_keeps(own.keys() <= fields.keys() if self.archive.empty else own == fields, fields)
-        if self.archive.empty:
-            common = {k: v for k, v in found.items() if k not in own}
-            self.archive._store = ArrayStore({**common, **fields}, self.archive.cells)
-        self.archive._rng = np.random.default_rng(seed)
-
-    @property
-    def _description(self) -> Description:
-        return dict(self.archive._store.field_desc)
-
-    def unchanged_on_error(self) -> AbstractContextManager[None]:
-        """Undo what a block that raises did by `prepare` and `load_state_dict`."""
-        return undo_on_error(self.archive)
+        """Serve a search that keeps these fields, as `EliteArchive.prepare` does."""
+        archive = self.archive
+        known, is_empty = dict(archive._store.field_desc), archive.empty
+        fields = describe_for_search(known, extra_fields, is_empty=is_empty)
+        if is_empty:
+            archive._store = ArrayStore({**fields}, archive.cells)
+        archive._rng = np.random.default_rng(seed)
 
     def nearest(self, behavior: npt.ArrayLike) -> Array:
         """The solution whose behavior is nearest to `behavior`, as `EliteArchive.nearest`."""
@@ -108,29 +86,19 @@ class PyribsPart:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If that was of another archive; nothing has changed then.
-        """
-        elites, best = state["elites"], state["best_elite"]
-        with self.unchanged_on_error():
-            description = describe_elites(elites, self._description)
-            check_elites(elites, description)
-            if not np.array_equal(self.archive.index_of(elites["measures"]), elites["index"]):
-                raise ValueError("The elites must be of the same archive, they lie in other cells.")
-            _check_best(best, elites, description)
-            self._hold(elites, description)
-            self._sum_up(state["objective_sum"][()], best)
-            load_generator_state(self.archive._rng, state["rng"])
-
-    def _hold(self, elites: Batch, description: Description) -> None:
-        """Hold these elites, "index" among their fields, in their order."""
+        """Take over what `state_dict` gave; ValueError if that was of another archive."""
+        elites, archive = state["elites"], self.archive
+        check_elites(elites, dict(archive._store.field_desc))
         index = elites["index"]
-        store: Any = ArrayStore({**description}, self.archive.cells)
-        store.add(index, {name: elites[name] for name in description})
+        if not np.array_equal(archive.index_of(elites["measures"]), index):
+            raise ValueError("The elites must be of the same archive, they lie in other cells.")
+        fields = described_by(elites)
+        store: Any = ArrayStore({**fields}, archive.cells)
+        store.add(index, {name: elites[name] for name in fields})
         store._props["occupied_list"][: len(index)] = index  # `add` sorts, draws count in order
-        self.archive._store = store
+        archive._store = store
+        self._sum_up(state["objective_sum"][()], state["best_elite"])
+        load_generator_state(archive._rng, state["rng"])
 
     def _sum_up(self, objective_sum: Any, best: Batch) -> None:
         """Bring the statistics to a sum, whose last bits follow from the order of adding up."""
@@ -151,12 +119,3 @@ def archive_settings(archive: EliteArchive | PyribsArchive) -> dict[str, Any]:
     """What decides who is kept and what the elites score, as JSON can hold it."""
     offset = {"qd_score_offset": float(archive.qd_score_offset)}
     return {**archive_part(archive).settings, **offset}
-
-
-def _check_best(best: Batch, elites: Batch, description: Description) -> None:
-    """Raise ValueError unless there is a best elite where there are elites, and it is like them."""
-    if best.keys() != (elites.keys() if len(elites["index"]) else set()):
-        raise ValueError("`best_elite` must have the fields of the elites.")
-    if best:
-        rows = {name: value[None] for name, value in best.items()}
-        check_elites(rows | {"index": rows["index"].astype(np.int64)}, description)

@@ -7,7 +7,7 @@ for 81 GiB. What enters, what it is worth and what is sampled are the same, bit 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence, Sized
+from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -42,9 +42,15 @@ class SparseGridArchive(EliteArchive):
         ranges: Sequence[tuple[float, float]],
         **kwargs: Unpack[ArchiveKeywords],
     ) -> None:
-        _check_grid(dims, ranges)
-        self.dims = np.array(dims, dtype=np.int64)
-        self.lower_bounds, self.upper_bounds = np.array(ranges, dtype=np.float64).T
+        check_cells(dims=dims)
+        self.dims, bounds = np.array(dims, dtype=np.int64), np.array(ranges, dtype=np.float64)
+        fits = bounds.shape == (len(dims), 2) and np.isfinite(bounds).all()
+        if not fits or (bounds[:, 0] >= bounds[:, 1]).any():
+            raise ValueError(
+                "`ranges` must hold finite (lower, upper) bounds for each of `dims`, lower below "
+                f"upper, got {ranges!r} and {dims!r}."
+            )
+        self.lower_bounds, self.upper_bounds = bounds.T
         self.interval_size = self.upper_bounds - self.lower_bounds
         super().__init__(measure_dim=len(self.dims), **kwargs)
 
@@ -129,18 +135,6 @@ def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Arr
     return by_worth[firsts]
 
 
-def _check_grid(dims: Sequence[int], ranges: Sequence[tuple[float, float]]) -> None:
-    if not isinstance(dims, Sized) or len(dims) == 0:
-        raise ValueError(f"`dims` must hold numbers of cells, got {dims!r}.")
-    is_list = isinstance(ranges, Sized)
-    if not (is_list and len(dims) == len(ranges) and all(map(_is_range, ranges))):
-        raise ValueError(
-            "`ranges` must hold finite (lower, upper) bounds for each of `dims`, lower below "
-            f"upper, got {ranges!r} and {dims!r}."
-        )
-    check_cells(dims=dims)
-
-
 def check_cells(**dims: Sequence[int]) -> None:
     """Raise ValueError unless each value holds numbers of cells that a grid can have."""
     for name, numbers in dims.items():
@@ -148,8 +142,3 @@ def check_cells(**dims: Sequence[int]) -> None:
             check_at_least_one(**{name: n})
         if math.prod(map(int, numbers)) > np.iinfo(np.int64).max:
             raise ValueError(f"`{name}` must make less than 2**63 cells, got {numbers!r}.")
-
-
-def _is_range(bounds: tuple[float, float]) -> bool:
-    is_pair = np.shape(bounds) == (2,) and np.asarray(bounds).dtype.kind in "iuf"
-    return is_pair and bool(np.isfinite(bounds).all() and bounds[0] < bounds[1])

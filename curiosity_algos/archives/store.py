@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from ribs.archives import ArrayStore
 
-from curiosity_algos.archives.fields import Batch, Description, check_finite
+from curiosity_algos.archives.fields import Batch, Description
 from curiosity_algos.common.arrays import Array, Int64Array
+from curiosity_algos.state.check import check_like
+from curiosity_gym.validation import check_whole
 
 FIRST_CAPACITY = 64
 
@@ -60,8 +62,6 @@ class EliteStore(ArrayStore):
 
     def load_summary(self, objective_sum: Any, best_slot: Any) -> None:
         """Take over the best, and a sum, whose last bits follow from the order of adding up."""
-        check_finite(objective_sum=objective_sum)
-        n = len(self)
-        if not (isinstance(best_slot, int) and 0 <= best_slot < max(n, 1)):
-            raise ValueError(f"`best_slot` must be that of one of {n} elites, got {best_slot!r}.")
+        check_like(objective_sum, 0.0, "objective_sum")
+        check_whole(0, max(len(self) - 1, 0), best_slot=best_slot)
         self.objective_sum, self.best_slot = np.float64(objective_sum), best_slot

@@ -54,8 +54,6 @@ def _parts(states: Float32Array, size: int = 64) -> list[Float32Array]:
 class TrajectoryEncoder:
     """AURORA's behaviors: the code that an autoencoder reconstructs a trajectory from.
 
-    Learning rate, passes and batches may change between trainings.
-
     Args:
         n_dimensions: Of the latent space.
         share: Of a trajectory's states that the autoencoder sees, in (0, 1].

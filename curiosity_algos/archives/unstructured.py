@@ -153,14 +153,9 @@ class UnstructuredArchive(EliteArchive):
     def _identities(self, slots: Int64Array) -> Int64Array:
         return slots.astype(np.int64)
 
-    def _restore(self, data: Batch) -> None:
-        if not np.array_equal(data["index"], np.arange(len(data["index"]))):
-            raise ValueError("`index` must number the elites from 0 on.")
-        super()._restore(data)
-
     @property
     def settings(self) -> dict[str, Any]:
-        """`measure_dim`, `target_size` and `k_neighbors`, as JSON can hold them."""
+        """`measure_dim`, `target_size` and `k_neighbors`."""
         return {
             "measure_dim": int(self.measure_dim),
             "target_size": self.target_size,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import FunctionType, MethodType, ModuleType
@@ -19,8 +18,6 @@ from curiosity_algos.common.sole_learner import sole_learner
 
 _NOT_OWN = (gym.Env, VecEnv, spaces.Space, ModuleType, FunctionType, MethodType, type)
 """Objects that a part may refer to, but whose generators are not its own."""
-_GLOBAL: tuple[object, ...] = (np.random.random.__self__, random.random.__self__)  # type: ignore[attr-defined]
-"""Generators of the whole process."""
 _WITHOUT_PARTS = (np.ndarray, th.Tensor, str, bytes, int, float, type(None))
 
 
@@ -50,21 +47,19 @@ def torch_generator(seed: int | None) -> th.Generator:
 def reseed(parts: Iterable[object], seed: np.random.SeedSequence) -> None:
     """Begin anew every generator that `parts` hold, each from a child of `seed`.
 
-    Generators of numpy, torch and Python are found in attributes and slots, dictionaries, lists and
-    tuples, however deep; those of environments and spaces, and of the process, stay as they are.
+    Those of numpy and torch are found in attributes and slots, dictionaries, lists and tuples,
+    however deep; those of environments and spaces stay as they are.
     """
     generators = list(_generators(list(parts), set()))
     for generator, child in zip(generators, seed.spawn(len(generators)), strict=True):
         if isinstance(generator, th.Generator):
             generator.manual_seed(integer_seed(child))
-        elif isinstance(generator, np.random.RandomState | random.Random):
-            generator.seed(integer_seed(child))
         else:
             kind: Any = type(generator.bit_generator)
             generator.bit_generator.state = kind(child).state
 
 
-AnyGenerator = np.random.Generator | np.random.RandomState | random.Random | th.Generator
+AnyGenerator = np.random.Generator | th.Generator
 
 
 def _generators(thing: Any, seen: set[int]) -> Iterator[AnyGenerator]:
@@ -73,58 +68,17 @@ def _generators(thing: Any, seen: set[int]) -> Iterator[AnyGenerator]:
         return
     seen.add(id(thing))
     if isinstance(thing, AnyGenerator):
-        if not any(thing is each for each in _GLOBAL):
-            yield thing
+        yield thing
         return
     state = object.__getstate__(thing)  # attributes, or they and slots
-    held = state if isinstance(state, tuple) else (state,)
-    parts = [part for each in held for part in (each or {}).values()]
+    dictionaries = state if isinstance(state, tuple) else (state,)
+    parts = [part for attributes in dictionaries for part in (attributes or {}).values()]
     if isinstance(thing, list | tuple):
         parts += thing
     elif isinstance(thing, Mapping):
         parts += thing.values()
     for part in parts:
         yield from _generators(part, seen)
-
-
-class EpisodeSeeds:
-    """Draws the seed of each generation's episodes, from `seed` on.
-
-    Attributes:
-        current: The seed drawn last.
-    """
-
-    def __init__(self, seed: np.random.SeedSequence) -> None:
-        self._rng = np.random.default_rng(seed)
-        self.current = 0
-
-    def draw(self) -> int:
-        """The next seed, which all individuals of a generation share."""
-        self.current = int(self._rng.integers(2**31))
-        return self.current
-
-    def state_dict(self) -> dict[str, Any]:
-        """The state of the draws."""
-        return {"rng": generator_state(self._rng)}
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        load_generator_state(self._rng, state["rng"])
-
-
-class SpaceGenerator:
-    """The generator that a space samples from, as a part of a checkpoint."""
-
-    def __init__(self, space: spaces.Space[Any]) -> None:
-        self._space = space
-
-    def state_dict(self) -> dict[str, Any]:
-        """The state of the samples."""
-        return {"rng": generator_state(self._space.np_random)}
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        load_generator_state(self._space.np_random, state["rng"])
 
 
 def global_state(device: th.device) -> dict[str, Any]:

@@ -29,7 +29,12 @@ from stable_baselines3.common.vec_env import (
 )
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.common.randomness import SpaceGenerator, global_state, load_global_state
+from curiosity_algos.common.randomness import (
+    generator_state,
+    global_state,
+    load_generator_state,
+    load_global_state,
+)
 from curiosity_algos.experiments.run_folder import write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
@@ -101,7 +106,7 @@ def write_model(
 def _write_under_way(model: BaseAlgorithm, folder: Path) -> None:
     state = {
         "draws": global_state(model.device),
-        "actions": SpaceGenerator(model.action_space).state_dict(),
+        "actions": generator_state(model.action_space.np_random),
         "episodes": episode_states(_below(model)),
         # Of sb3-contrib's RecurrentPPO: pairs of tensors, which its own file leaves out.
         "memory": [list(pair) for pair in getattr(model, "_last_lstm_states", None) or ()],
@@ -143,7 +148,7 @@ def restore_under_way(model: BaseAlgorithm, folder: Path) -> None:
         learner: Any = model
         pairs = [tuple(part.to(model.device) for part in pair) for pair in state["memory"]]
         learner._last_lstm_states = type(learner._last_lstm_states)(*pairs)
-    SpaceGenerator(model.action_space).load_state_dict(state["actions"])
+    load_generator_state(model.action_space.np_random, state["actions"])
     load_global_state(state["draws"], model.device)
 
 

@@ -1,25 +1,17 @@
-"""The bonus, and its training, that algorithms share which are drawn to the curious."""
+"""The bonus and its training, which curiosity-driven algorithms share."""
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+import copy
+from typing import Any
 
 import numpy as np
 
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.loops.declared import setting
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_gym.validation import check_at_least_one, check_keywords
-
-
-class BonusKeywords(TypedDict, total=False):
-    """Keywords of a bonus and its training that have one default, see `CuriousAlgorithm`."""
-
-    bonus_kwargs: dict[str, Any] | None
-    n_transitions: int
-    buffer_size: int
 
 
 class CuriousAlgorithm(EvolutionaryAlgorithm):
@@ -36,42 +28,15 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
         buffer_size: Transitions kept in all, the newest.
     """
 
+    bonus: str | Bonus = setting("apt", settled=True)
+    bonus_kwargs: dict[str, Any] | None = setting(
+        None, check_keywords, convert=lambda kwargs: copy.copy(kwargs or {}), settled=True
+    )
+    n_transitions: int = setting(100, check_at_least_one, part="_motivation")
+    n_updates: int = setting(32, check_at_least_one, part="_motivation")
+    batch_size: int = setting(256, check_at_least_one, part="_motivation")
+    buffer_size: int = setting(500_000, check_at_least_one, settled=True)
     _motivation: Any  # a CuriosityMotivation, which other classes declare as any motivation
-
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        bonus: str | Bonus,
-        bonus_kwargs: dict[str, Any] | None = None,
-        n_transitions: int = 100,
-        n_updates: int,
-        batch_size: int,
-        buffer_size: int = 500_000,
-        **kwargs: Any,  # those of the class after it
-    ) -> None:
-        check_keywords(bonus_kwargs=bonus_kwargs)
-        self.bonus = bonus
-        self.bonus_kwargs = dict(bonus_kwargs or {})
-        self.n_transitions = n_transitions
-        self.n_updates = n_updates
-        self.batch_size = batch_size
-        self.buffer_size = buffer_size
-        super().__init__(env, policy, **kwargs)
-
-    def _check_settings(self) -> None:
-        super()._check_settings()
-        check_at_least_one(n_transitions=self.n_transitions, n_updates=self.n_updates)
-        check_at_least_one(batch_size=self.batch_size)
-
-    def _settings_of_parts(self) -> set[str]:
-        return super()._settings_of_parts() | {"bonus", "bonus_kwargs", "buffer_size"}
-
-    def _put_in_force(self) -> None:
-        super()._put_in_force()
-        for name in ("n_transitions", "n_updates", "batch_size"):
-            setattr(self._motivation, name, getattr(self, name))
 
     @property
     def trained_bonus(self) -> Bonus:

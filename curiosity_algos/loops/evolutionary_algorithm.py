@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Never, Self, TypedDict
+from typing import Any, ClassVar, Self
 from warnings import warn
 
 import gymnasium as gym
 import numpy as np
 import torch as th
-from gymnasium import spaces
 from gymnasium.vector import VectorEnv
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
@@ -22,7 +21,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.interrupt import deferred_interrupt
-from curiosity_algos.common.randomness import EpisodeSeeds
 from curiosity_algos.common.sole_learner import sole_learner
 from curiosity_algos.evaluation.arguments import (
     check_common,
@@ -44,18 +42,8 @@ from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
 from curiosity_gym.validation import check_at_least_one
 
-
-class AlgorithmKeywords(TypedDict, total=False):
-    """Keywords of every population algorithm, see `EvolutionaryAlgorithm`."""
-
-    evaluator: Evaluator | str
-    policy_kwargs: dict[str, Any] | None
-    n_threads: int | None
-    seed: int | None
-    device: th.device | str
-    verbose: int
-    tensorboard_log: str | None
-    _init_setup_model: bool
+_SETTLED = ("policy_kwargs", "preset", "seed", "device", "n_threads")
+"""Settings of every algorithm that parts were made with."""
 
 
 class EvolutionaryAlgorithm(PopulationModel):
@@ -115,13 +103,15 @@ class EvolutionaryAlgorithm(PopulationModel):
         device: th.device | str = "auto",
         verbose: int = 0,
         tensorboard_log: str | None = None,
-        _learning_rate: float = 0.0,  # what SB3 keeps under that name
         _init_setup_model: bool = True,  # as in SB3: `load` builds the model later
-        **unknown: Never,
+        **settings: Any,
     ) -> None:
-        check_keywords_known(type(self), unknown)
+        check_keywords_known(type(self), sorted(settings.keys() - self._declared.keys()))
         check_order(self, env, policy)
         check_common(seed, device, verbose)
+        for name, one in self._declared.items():
+            value = one.convert(settings.get(name, one.default))
+            setattr(self, self._attributes.get(name, name), value)
         net_arch = check_policy_kwargs(policy_kwargs)
         env = open_env(env)
         if env is not None or _init_setup_model:
@@ -131,7 +121,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         super().__init__(
             policy_class,
             env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
-            learning_rate=_learning_rate,
+            learning_rate=getattr(self, "learning_rate", 0.0),
             policy_kwargs={"net_arch": net_arch},
             tensorboard_log=tensorboard_log,
             verbose=verbose,
@@ -140,6 +130,7 @@ class EvolutionaryAlgorithm(PopulationModel):
             seed=seed,
         )
         self._evaluator_choice = evaluator
+        self.preset = None
         self.n_threads = n_threads
         self.generation = 0
         self._see_env(self.env)
@@ -166,6 +157,9 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     def _put_in_force(self) -> None:
         """Give the parts the settings as they are now, before each generation."""
+        for name, one in self._declared.items():
+            if one.part is not None:
+                setattr(getattr(self, one.part), name, getattr(self, name))
 
     def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
         """What `_tell` reads of the trajectories of a generation; None: all of them.
@@ -203,14 +197,15 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._generation_values: dict[str, Any] = {}
         self._intrinsic: Float64Array | None = None
         search_seed, episode_seed = np.random.SeedSequence(self.seed).spawn(2)
-        self._episodes = EpisodeSeeds(episode_seed)
+        self._episode_seeds, self._episode_seed = np.random.default_rng(episode_seed), 0
         self._make_search(search_seed)
         self.evaluator = None
         if self.env is not None:
             choice = self._evaluator_choice
             self.evaluator = choose_evaluator(choice, self.env, self.policy_kwargs, self.n_threads)
         self._show_best()
-        self._settled = self._settings_of_parts()
+        declared = {name for name, one in self._declared.items() if one.is_settled}
+        self._settled = {*_SETTLED, *declared}
 
     def set_env(
         self, env: GymEnv, force_reset: bool = True, *, evaluator: Evaluator | str | None = None
@@ -243,16 +238,6 @@ class EvolutionaryAlgorithm(PopulationModel):
         super().set_env(wrapped, force_reset)
         self._match_env(wrapped)
         self._evaluator_choice, self.evaluator = choice, chosen
-
-    def _match_env(self, env: VecEnv) -> None:
-        self._check_behaviors(behavior_space(env))
-        super()._match_env(env)
-
-    def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
-        """Raise ValueError where the algorithm has no use for such behaviors of an env."""
-
-    def _forget_behaviors(self) -> None:
-        """Drop archives and the like that hold behaviors of another environment."""
 
     @property
     def best_return(self) -> float:
@@ -361,9 +346,10 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._put_in_force()
         parameters = self._ask()
         summarizers = self._summarizers(len(parameters))
-        rollouts = self.evaluator.play(parameters, self._episodes.draw(), summarizers)
+        self._episode_seed = int(self._episode_seeds.integers(2**31))
+        rollouts = self.evaluator.play(parameters, self._episode_seed, summarizers)
         if self.env.num_envs > 1:  # all had one seed: the next episodes there are to differ again
-            self.env.seed(self._episodes.current + 1)
+            self.env.seed(self._episode_seed + 1)
         if len(rollouts) != len(parameters):
             raise ValueError(
                 f"`evaluator` must give one episode of each of {len(parameters)} policies, got "
@@ -386,7 +372,7 @@ class EvolutionaryAlgorithm(PopulationModel):
             "dones": np.ones(len(rollouts), dtype=bool),
             "infos": rollouts.infos(seconds),
             "parameters": parameters,
-            "episode_seed": self._episodes.current,
+            "episode_seed": self._episode_seed,
             "intrinsic": self._intrinsic,
         }
 
@@ -397,7 +383,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         self.num_timesteps += rollouts.timesteps
         self.generation += 1
         self._coverage.add(rollouts.behaviors, rollouts.visited)
-        self._best.add(parameters, rollouts, self._episodes.current)
+        self._best.add(parameters, rollouts, self._episode_seed)
         self._show_best()
 
     def _show_best(self) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from inspect import signature
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -62,17 +61,25 @@ def model_path(path: StateFile, *, is_read: bool = True) -> StateFile:
     return Path(path) if Path(path).suffix else Path(path).with_suffix(".zip")
 
 
-def sort_settings(values: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """The `keywords`, `attributes` and `objects` of `Settings`, as a file holds them."""
-    parts: dict[str, Any] = {"keywords": {}, "attributes": {}, "objects": {}}
-    for name, value in values.items():
+def settings_for_file(model: Any) -> dict[str, Any]:
+    """The `Settings` of a model, as a file holds them."""
+    grid = model._coverage_grid
+    content: dict[str, Any] = {
+        **{"keywords": {}, "attributes": {}, "objects": {}},
+        "observation_space": encode_space(model.observation_space),
+        "action_space": encode_space(model.action_space),
+        "behavior_space": encode_space(model._behavior_space),
+        "coverage_grid": grid and asdict(grid),
+    }
+    for name, value in model._settings().items():
+        is_given = name in model._arguments
         value = str(value) if isinstance(value, os.PathLike) else value
         if _fits_json(value):
-            parts["keywords" if name in arguments else "attributes"][name] = value
-        elif name in arguments or name == "evaluator":  # others the constructor makes again
+            content["keywords" if is_given else "attributes"][name] = value
+        elif is_given or name == "evaluator":  # others the constructor makes again
             named = value if isinstance(value, type) else type(value)
-            parts["objects"][name] = named.__qualname__
-    return parts
+            content["objects"][name] = named.__qualname__
+    return content
 
 
 def _fits_json(value: Any) -> bool:
@@ -83,29 +90,16 @@ def _fits_json(value: Any) -> bool:
     return True
 
 
-def describe_env(model: Any) -> dict[str, Any]:
-    """The last four of `Settings`, as a file holds them."""
-    grid = model._coverage_grid
-    return {
-        "observation_space": encode_space(model.observation_space),
-        "action_space": encode_space(model.action_space),
-        "behavior_space": encode_space(model._behavior_space),
-        "coverage_grid": grid and {field.name: getattr(grid, field.name) for field in fields(grid)},
-    }
-
-
 def read_settings(content: Mapping[str, Any], file: StateFile, cls: type) -> Settings:
     """The settings in a file; ValueError if they are not such as `save` writes."""
     try:
-        env = dict(content["env"])
-        grid = env.pop("coverage_grid")
-        known: dict[str, Any] = {name: decode_space(space) for name, space in env.items()}
-        names = ("keywords", "attributes", "objects")
-        parts: dict[str, Any] = {name: dict(content[name]) for name in names}
-        if unknown := parts["attributes"].keys() - {*signature(cls).parameters, "preset"}:
-            raise ValueError(f"It has settings of no such name: {unknown}.")
+        known = dict(content)
+        known |= {name: dict(content[name]) for name in ("keywords", "attributes", "objects")}
+        for name in ("observation_space", "action_space", "behavior_space"):
+            known[name] = decode_space(content[name])
+        grid = content["coverage_grid"]
         known["coverage_grid"] = None if grid is None else CoverageGrid(**grid)
-        return Settings(**parts, **known)
+        return Settings(**known)
     except Exception as error:  # whatever spaces and grids raise of damaged arguments
         message = f"`path` must be a saved {cls.__name__}, {file} is damaged."
         raise ValueError(message) from error
@@ -127,34 +121,28 @@ def load_state(part: Any, state: Mapping[str, Any]) -> None:
         part.load_state_dict(state)
 
 
-def check_objects(
-    settings: Settings, overrides: Mapping[str, Any], *, needs_evaluator: bool
-) -> None:
-    """Raise ValueError unless objects that no file holds are given again."""
-    for name, kind in sorted(settings.objects.items()):
-        if kind == "none" or name in overrides or (name == "evaluator" and not needs_evaluator):
-            continue
-        raise ValueError(
-            f"`{name}` must be given to `load` as to the saved model, {kind}, got none."
-        )
-
-
 def make_model(
     cls: type[Any], settings: Settings, env: Any, device: Any, overrides: Mapping[str, Any]
 ) -> Any:
     """A model of a class with the settings of a file, and keywords that count more.
 
     Raises:
-        ValueError: If a keyword is another than what the state in the file was made with, or an
-            object of another kind; if the environment has other spaces.
+        ValueError: If an object that no file holds is missing, or a keyword is another than what
+            the state in the file was made with; if the environment has other spaces.
     """
-    keywords = settings.keywords | {k: value for k, value in overrides.items() if k != "preset"}
+    unneeded = {"evaluator"} if env is None else set()
+    if missing := sorted(settings.objects.keys() - overrides.keys() - unneeded):
+        kind = settings.objects[missing[0]]
+        raise ValueError(
+            f"`{missing[0]}` must be given to `load` as to the saved model, {kind}, got none."
+        )
+    keywords = {**settings.keywords, **overrides}
     try:
         model = cls(env=env, device=device, _init_setup_model=False, **keywords)
     except TypeError as error:
         raise ValueError(f"`path` must be a saved {cls.__name__}: {error}") from error
-    own = model._settings() | {k: value for k, value in overrides.items() if k == "preset"}
-    for name in sorted(cls._fixed_settings() & overrides.keys()):
+    own = model._settings()
+    for name in sorted(cls._fixed() & overrides.keys()):
         if own[name] != (saved := settings.values.get(name)):
             raise ValueError(
                 f"`{name}` must be left as it was saved, {saved}: make a new {cls.__name__}."
@@ -162,14 +150,10 @@ def make_model(
     # A constructor of the user's may have made other values of its keywords.
     rest = settings.values.keys() - overrides.keys() - {"policy"}
     in_force = {cls._attributes.get(name, name): settings.values[name] for name in rest}
-    vars(model).update({k: v for k, v in in_force.items() if k in vars(model) or k == "preset"})
+    for name in in_force.keys() & vars(model).keys():
+        setattr(model, name, in_force[name])
     _see_saved(model, settings)
     model._setup_model()
-    for name, kind in model._kinds().items():
-        if kind != (saved := settings.objects.get(name, "none")):
-            raise ValueError(
-                f"`{name}` must be given to `load` as to the saved model, {saved}, got {kind}."
-            )
     return model
 
 

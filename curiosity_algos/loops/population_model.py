@@ -10,9 +10,7 @@ import inspect
 import io
 import os
 from abc import abstractmethod
-from collections import deque
 from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -23,7 +21,6 @@ from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import get_system_info
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.common.presets import preset_settings
 from curiosity_algos.common.randomness import reseed
 from curiosity_algos.evaluation.arguments import check_keywords_known
@@ -34,17 +31,20 @@ from curiosity_algos.evaluation.episodes import Firsts
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.best_policy import BestPolicy
-from curiosity_algos.loops.keywords import name_in_presets, whole_signature
+from curiosity_algos.loops.declared import (
+    Setting,
+    name_in_presets,
+    take_declared,
+    whole_signature,
+)
 from curiosity_algos.loops.model_file import (
     NO_SETTINGS,
     OF_DAMAGE,
-    check_objects,
-    describe_env,
     load_state,
     make_model,
     model_path,
     read_settings,
-    sort_settings,
+    settings_for_file,
     state_of,
 )
 from curiosity_algos.state.check import check_keys, check_like
@@ -56,36 +56,32 @@ from curiosity_gym.validation import check_seed
 
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what a motivation has collected, ours and Stable-Baselines3's."""
-_BESIDE_PARTS = {"best", "progress", "recent"}
-"""Names of states that are of no part."""
-_EPISODE = ({"r": np.inf, "l": 0, "t": np.inf}, False)
-"""Like what Stable-Baselines3 keeps of recent episodes: a Monitor's record, and the success."""
-BESIDE_THE_SEARCH = {"policy", "coverage", "episodes", "firsts", "fitness", "motivation"}
-"""Names of parts that do not say where a search stands."""
 
 
 class PopulationModel(HasSettings, BaseAlgorithm):
     """What population algorithms have beside their loop.
 
-    Constructors write their own keywords and pass the others on as `**kwargs`: a class' signature
-    has them all, each as the class nearest to it has it. A setting is an attribute of its keyword's
-    name. Callbacks may set it, and assigning one that parts were made with is an error.
+    Classes declare their settings, see `curiosity_algos.loops.declared`; a constructor of its own
+    passes all others on as `**kwargs`. A setting is an attribute of its keyword's name. Callbacks
+    may set it, and assigning one that parts were made with is an error.
 
     Attributes:
         preset: Name of the preset that the model was made from, or None.
     """
 
-    preset: str | None = None
+    preset: str | None
     policy: MlpPolicy
     evaluator: Evaluator | None
     __signature__: ClassVar[inspect.Signature]
+    _declared: ClassVar[dict[str, Setting]]
+    """The settings that a class and those that it extends declare."""
     _attributes: ClassVar[dict[str, str]] = {
         **{"policy": "policy_class", "evaluator": "_evaluator_choice", "archive": "_own_archive"},
     }
     """By argument of the constructor, the attribute of another name that it is kept in."""
     _progress: ClassVar[tuple[str, ...]] = (
         *("num_timesteps", "_total_timesteps", "_num_timesteps_at_start", "generation"),
-        *("_current_progress_remaining", "_lacks_transitions"),
+        *("_current_progress_remaining", "_lacks_transitions", "_episode_seed"),
     )
     """Attributes of plain values that a run goes on from."""
     _arguments: dict[str, Any]
@@ -97,12 +93,14 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     _coverage: Coverage
     _firsts: Firsts
     _best: BestPolicy
+    _episode_seeds: np.random.Generator
+    """Draws the seed of each generation's episodes, which all individuals share."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        cls._declared = take_declared(cls)
+        cls._checks = {name: one.check for name, one in cls._declared.items() if one.check}
         cls.__signature__ = whole_signature(cls, PopulationModel)
-        if not {"env", "device"} <= cls.__signature__.parameters.keys():
-            raise TypeError(f"{cls.__name__}.__init__ must take **kwargs and pass them on.")
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
         """Remember what the constructor is called with, which `load` calls it with again."""
@@ -141,45 +139,29 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     # -- what an algorithm writes ---------------------------------------------------------------
 
     def _parts(self) -> dict[str, Any]:
-        """What has a state, by name: objects with `state_dict`, and numpy's generators.
-
-        A subclass adds its own: `return {**super()._parts(), "mine": self._mine}`.
-        """
+        """What has a state, by name: objects with `state_dict`, and numpy's generators."""
         return {
             "policy": self.policy,
             "coverage": self._coverage,
-            "episodes": self._episodes,  # type: ignore[attr-defined]
+            "episodes": self._episode_seeds,
             "firsts": self._firsts,
+            "best": self._best,
         }
 
     @classmethod
-    def _fixed_settings(cls) -> set[str]:
-        """Settings that the states in a file were made with, which `load` cannot replace."""
-        return {"policy_kwargs", "preset"}
+    def _fixed(cls) -> set[str]:
+        """Settings that the state in a file was made with, which `load` cannot replace."""
+        return {"policy_kwargs"} | {name for name, one in cls._declared.items() if one.is_fixed}
 
-    def _settings_of_parts(self) -> set[str]:
-        """Settings that parts were made with; where `load` takes others, it makes them anew."""
-        return self._fixed_settings() | {"seed", "device", "n_threads"}
+    def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
+        """Raise ValueError where the algorithm has no use for such behaviors of an env."""
 
-    def _kinds(self) -> dict[str, str]:
-        """By argument, the kind of object that `load` must be called with again, or "none"."""
-        return {}
-
-    @abstractmethod
     def _forget_behaviors(self) -> None:
         """Drop archives and the like that hold behaviors of another environment."""
 
     @abstractmethod
     def _show_best(self) -> None:
         """Let `predict` act with the best policy."""
-
-    def _begin_at(self, parameters: Float32Array) -> None:
-        """Search on from these parameters, shape (n_parameters,), where an algorithm can."""
-        raise ValueError(f"`policy` cannot be set alone: {type(self).__name__} begins nowhere.")
-
-    def _way_on(self, name: str) -> str:
-        way_on = super()._way_on(name)
-        return way_on if name in self._fixed_settings() else f"give `load` another, or {way_on}"
 
     # -- the environment ------------------------------------------------------------------------
 
@@ -195,6 +177,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
 
     def _match_env(self, env: VecEnv) -> None:
         """Count in the grid of `env`; in another one, forget what was found before."""
+        self._check_behaviors(behavior_space(env))
         if self._counts_others(env):
             self._see_env(env)
             self._begin_records()
@@ -235,10 +218,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     def set_random_seed(self, seed: int | None = None) -> None:
         """Begin every random draw of the run anew: those of its parts, of env and actions.
 
-        Unlike in SB3 the global generators of the process stay as they are.
-
-        Args:
-            seed: None: nothing is seeded.
+        Unlike in SB3 the global generators of the process stay as they are. None seeds nothing.
 
         Raises:
             ValueError: If it is no whole number of at least 0.
@@ -256,9 +236,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     def state_dict(self) -> State:
         """The states of all parts, and how far the run is."""
         own = {name: getattr(self, name) for name in self._progress}
-        recent = [*zip(self.ep_info_buffer or (), self.ep_success_buffer or (), strict=True)]
-        own_states = {"best": self._best.state_dict(), "progress": own, "recent": recent}
-        return {**self.get_parameters(), **own_states}
+        return {**self.get_parameters(), "progress": own}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave.
@@ -267,17 +245,10 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             ValueError: If it is that of another model.
         """
         progress = {name: getattr(self, name) for name in self._progress}
-        check_keys(state, [*self._parts(), *_BESIDE_PARTS])
+        check_keys(state, [*self._parts(), "progress"])
         check_like(state["progress"], progress, "progress")
-        check_like(state["recent"], [_EPISODE] * len(state["recent"]), "recent")
-        self._checked(state["policy"])
-        self._load_parts({name: state[name] for name in self._parts()})
-        self._best.load_state_dict(state["best"])
+        self._load_parts(state)
         vars(self).update(state["progress"])
-        if state["recent"]:
-            infos, successes = zip(*state["recent"], strict=True)
-            self.ep_info_buffer = deque(infos, maxlen=self._stats_window_size)
-            self.ep_success_buffer = deque(successes, maxlen=self._stats_window_size)
 
     def get_parameters(self) -> dict[str, dict[str, Any]]:
         """The states of all parts, by the names of these."""
@@ -289,11 +260,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         exact_match: bool = True,
         device: th.device | str = "auto",
     ) -> None:
-        """Take over parameters, the state of a search with them.
-
-        Given a policy without the state of a search, with `exact_match=False`, a population's
-        search goes on from that policy: an evolution strategy's center moves there, an archive that
-        is still empty is filled from there. The best policy found so far is kept.
+        """Take over the states of parts.
 
         Args:
             load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
@@ -301,38 +268,20 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             device: Unused, states are copied to where the parts are.
 
         Raises:
-            ValueError: If parts are missing, or unknown; if the policy has another number of
-                parameters, or they are not finite; if it is given without a search that has no use
-                for it: archives have parents of their own once they hold elites. Nothing has
-                changed then.
+            ValueError: If parts are missing, or unknown, or of another model.
         """
         parts = self._parts()
-        parameters: Mapping[str, Any] = load_path_or_dict  # type: ignore[assignment]
+        parameters: Any = load_path_or_dict
         if not isinstance(load_path_or_dict, Mapping):
-            state = read(model_path(load_path_or_dict), type(self).__name__)[1]
-            parameters = {name: state[name] for name in state.keys() - _BESIDE_PARTS}
+            _, parameters = read(model_path(load_path_or_dict), type(self).__name__)
+            del parameters["progress"]
         check_keys(parameters, parts if exact_match else parts.keys() & parameters, "parameters")
-        if "policy" in parameters:
-            flat = self._checked(parameters["policy"])
-            if parameters.keys() <= BESIDE_THE_SEARCH and not exact_match:
-                self._begin_at(flat)
         self._load_parts(parameters)
 
     def _load_parts(self, states: Mapping[str, Any]) -> None:
         for name, part in self._parts().items():
             if name in states:
                 load_state(part, states[name])
-
-    def _checked(self, state: Any) -> Float32Array:
-        """The parameters in the state of a policy, shape (n_parameters,), finite."""
-        flat: Any = state.get("flat") if isinstance(state, Mapping) else None
-        n_parameters = self.policy.mlp.n_parameters
-        if np.shape(flat) != (n_parameters,):  # None has a shape, ()
-            raise ValueError(f"`policy` must have `flat`, its {n_parameters} parameters.")
-        checked = th.as_tensor(flat).cpu().numpy().astype(np.float32)  # a copy
-        if not np.isfinite(checked).all():
-            raise ValueError("`policy` must have finite parameters.")
-        return checked
 
     # -- settings and files ---------------------------------------------------------------------
 
@@ -363,25 +312,22 @@ class PopulationModel(HasSettings, BaseAlgorithm):
 
         Args:
             path: Of the file; `.zip` is added where it has no suffix.
-            exclude: Settings to leave out, and "buffer" for the transitions that were collected: a
-                run that goes on without them is another one, and `learn` warns.
-            include: Unused: nothing else is left out.
+            exclude: "buffer" leaves out the transitions that were collected: a run that goes on
+                without them is another one, and `learn` warns. Other names leave out nothing.
+            include: Unused.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If a part has a state that no file can hold.
         """
-        left_out, state = set(exclude or ()), self.state_dict()
-        if left_out & TRANSITIONS:
+        state = self.state_dict()
+        if TRANSITIONS & set(exclude or ()):
             holders = [k for k in self._parts() if isinstance(state[k].get("buffer"), Mapping)]
             for name in holders:
                 state[name] = {k: value for k, value in state[name].items() if k != "buffer"}
             state["progress"]["_lacks_transitions"] |= bool(holders)
-        settings = {k: value for k, value in self._settings().items() if k not in left_out}
-        parts = sort_settings(settings, self._arguments)
-        parts["objects"] |= self._kinds()
-        parts["env"] = describe_env(self)
-        save(model_path(path, is_read=False), type(self).__name__, parts, state)
+        kind, settings = type(self).__name__, settings_for_file(self)
+        save(model_path(path, is_read=False), kind, settings, state)
 
     @classmethod
     def load(
@@ -416,7 +362,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             FileNotFoundError: If there is no such file.
             ValueError: If the file is truncated, or no model of this class; if it needs what is not
                 given here, or a keyword would replace a setting that what is in the file was made
-                with. An archive given here is then as it was.
+                with.
             TypeError: If a keyword is not the constructor's.
         """
         if print_system_info:
@@ -427,24 +373,17 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         known = inspect.signature(cls).parameters.keys() - NO_SETTINGS
         custom = {k: v for k, v in (custom_objects or {}).items() if k in known - {"learning_rate"}}
         overrides = custom | kwargs
-        check_keywords_known(cls, sorted(overrides.keys() - known - settings.values.keys()))
+        check_keywords_known(cls, sorted(overrides.keys() - known))
         check_seed(overrides.get("seed"))
-        check_objects(settings, overrides, needs_evaluator=env is not None)
         env = None if env is None else open_env(env)
-        with cls._unchanged_on_error(overrides.get("archive")):
-            model: Self = make_model(cls, settings, env, device, overrides)
-            try:
-                model.load_state_dict(state)
-            except OF_DAMAGE as error:
-                message = f"`path` must be a saved {cls.__name__}, {file}: {error}"
-                raise ValueError(message) from error
-            if model.env is not None:
-                model._match_env(model.env)
+        model: Self = make_model(cls, settings, env, device, overrides)
+        try:
+            model.load_state_dict(state)
+        except OF_DAMAGE as error:
+            message = f"`path` must be a saved {cls.__name__}, {file}: {error}"
+            raise ValueError(message) from error
+        if model.env is not None:
+            model._match_env(model.env)
         model._show_best()
         model.set_random_seed(overrides.get("seed"))
         return model
-
-    @classmethod
-    def _unchanged_on_error(cls, archive: Any) -> AbstractContextManager[None]:
-        """Leave an archive that the user gave as it was if the block raises."""
-        return nullcontext()

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,18 +14,13 @@ from ribs.schedulers import Scheduler
 
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.history import ArchiveHistory
-from curiosity_algos.archives.pyribs import (
-    PyribsArchive,
-    archive_part,
-    archive_settings,
-)
+from curiosity_algos.archives.pyribs import PyribsArchive, archive_part
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.randomness import integer_seed
-from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
-from curiosity_algos.loops.evolutionary_algorithm import AlgorithmKeywords, EvolutionaryAlgorithm
+from curiosity_algos.loops.declared import setting
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.search.canonical import INITIAL_DEVIATION
 from curiosity_algos.search.emitters import Emitters, set_mutations
 from curiosity_gym.validation import check_at_least_one, check_positive
@@ -40,20 +33,6 @@ POPULATION_SIZE = 56
 
 MakeEmitters = Callable[[EliteArchive, Float32Array, int], list[EmitterBase]]
 """From the archive, the parameters to begin at (n_parameters,) and a seed to pyribs' emitters."""
-
-
-class ArchiveKeywords(AlgorithmKeywords, total=False):
-    """Keywords of algorithms with an archive but the mutations' size, see `QualityDiversity`."""
-
-    population_size: int
-    archive: EliteArchive | PyribsArchive | None
-    emitters: MakeEmitters | None
-
-
-class MutationKeywords(ArchiveKeywords, total=False):
-    """Keywords of every algorithm with an archive, see `QualityDiversity`."""
-
-    sigma: float
 
 
 class QualityDiversity(EvolutionaryAlgorithm):
@@ -90,30 +69,13 @@ class QualityDiversity(EvolutionaryAlgorithm):
         ValueError: If an argument is out of its range, or `archive` or `emitters` do not fit.
     """
 
-    archive: Any
+    archive: Any = setting(None, settled=True)
     archive_class: ClassVar[Any] = EliteArchive | PyribsArchive
     """Archives that the algorithm can work on."""
-    _of_archive: ClassVar[set[str]] = set()
-    """Settings of the algorithm's own archive, without effect on another."""
-    _of_emitter: ClassVar[set[str]] = {"population_size", "sigma"}
-    """Settings of the algorithm's own emitter, without effect on others."""
-
-    def __init__(
-        self,
-        env: AnyEnv | None,
-        policy: str | type[MlpPolicy] = "MlpPolicy",
-        *,
-        population_size: int = POPULATION_SIZE,
-        sigma: float = 0.3,
-        archive: EliteArchive | PyribsArchive | None = None,
-        emitters: MakeEmitters | None = None,
-        **kwargs: Unpack[AlgorithmKeywords],
-    ) -> None:
-        self.population_size = population_size
-        self.sigma = sigma
-        self.emitters = emitters
-        self._own_archive = archive
-        super().__init__(env, policy, **kwargs)
+    population_size: int = setting(POPULATION_SIZE, check_at_least_one)
+    sigma: float = setting(0.3, check_positive)
+    emitters: MakeEmitters | None = setting(None, settled=True)
+    _own_archive: EliteArchive | PyribsArchive | None
 
     # -- what an algorithm writes ---------------------------------------------------------------
 
@@ -148,7 +110,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _fields(self, rollouts: Rollouts) -> Fields:
         """The extra fields of each individual, an array (P, ...) for each of them."""
-        fields: Fields = {"seed": np.full(len(rollouts), self._episodes.current)}
+        fields: Fields = {"seed": np.full(len(rollouts), self._episode_seed)}
         if "behavior" in self.archive.field_list:
             fields["behavior"] = rollouts.behaviors[:, : self._n_behaviors]
         return fields
@@ -175,18 +137,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _check_settings(self) -> None:
         super()._check_settings()
-        check_at_least_one(population_size=self.population_size)
-        check_positive(sigma=self.sigma)
         if not isinstance(self._own_archive, self.archive_class | None):
             kinds = getattr(self.archive_class, "__args__", (self.archive_class,))
             raise ValueError(
                 f"`archive` must be of the class {' or '.join(kind.__name__ for kind in kinds)}, "
                 f"got {type(self._own_archive).__name__}."
-            )
-        if not (self.emitters is None or callable(self.emitters)):
-            raise ValueError(
-                "`emitters` must be a function of archive, x0 and seed that returns a list of "
-                f"pyribs' emitters, got {self.emitters!r}."
             )
         self._check_behaviors(self._behavior_space)
 
@@ -206,10 +161,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 "`archive` must be empty, as its places come from an encoder that is trained anew, "
                 f"got {len(self._own_archive)} elites."
             )
-
-    def _setup_model(self) -> None:
-        with self._unchanged_on_error(self._own_archive):
-            super()._setup_model()
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         self._begin_archive(seed)
@@ -259,14 +210,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         vars(self)["population_size"] = emitters.batch_size
         return emitters
 
-    def _begin_at(self, parameters: Float32Array) -> None:
-        if not self.archive.empty:
-            raise ValueError(
-                "`policy` cannot be set alone once there are elites, which are the parents from "
-                "there on: set it before the first `learn`."
-            )
-        self._emitters = self._make_emitters(parameters, integer_seed(self._later_seed()))
-
     def _put_in_force(self) -> None:
         super()._put_in_force()
         if self.emitters is None:
@@ -279,7 +222,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         measures, fields = self._measures(rollouts), self._fields(rollouts)
-        self._tell_emitters(rollouts.returns, measures, fields)
+        self._scheduler.tell(rollouts.returns, measures, **fields)
         stats = self.archive.stats
         self.history.record(rollouts.timesteps, stats)
         if isinstance(self.archive, UnstructuredArchive):
@@ -294,17 +237,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
             "archive/best": float(np.float64(stats.obj_max)),  # NaN where no policy was kept
             **own,
         }
-
-    def _tell_emitters(self, returns: Float64Array, measures: Float64Array, fields: Fields) -> None:
-        try:
-            self._scheduler.tell(returns, measures, **fields)
-        except IndexError as error:  # pyribs', where an emitter starts anew and there is no elite
-            if not self.archive.empty:
-                raise
-            raise ValueError(
-                "`archive` must have kept a policy when an emitter starts anew from one: no return "
-                "has been above its `threshold_min`."
-            ) from error
 
     def _step_size(self) -> float:
         """Standard deviation of the mutations of the algorithm's own emitter."""
@@ -328,26 +260,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
             "emitters": self._emitters,
             "later_seeds": self._later_seeds,
         }
-
-    def _kinds(self) -> dict[str, str]:
-        kinds = dict.fromkeys(("archive", "emitters"), "none")
-        if (own := self._own_archive) is not None:
-            kinds["archive"] = f"{type(own).__name__} {json.dumps(archive_settings(own))}"
-        if self.emitters is not None:
-            kinds["emitters"] = ", ".join(type(one).__name__ for one in self._emitters.emitters)
-        return kinds
-
-    @classmethod
-    def _unchanged_on_error(cls, archive: Any) -> AbstractContextManager[None]:
-        if not isinstance(archive, cls.archive_class):  # it is refused in there
-            return nullcontext()
-        return archive_part(archive).unchanged_on_error()
-
-    def _settings_of_parts(self) -> set[str]:
-        passed_again = {"archive", "emitters"}
-        of_archive = set() if self._own_archive is None else self._of_archive
-        of_emitter = set() if self.emitters is None else self._of_emitter
-        return super()._settings_of_parts() | passed_again | of_archive | of_emitter
 
     # -- acting ---------------------------------------------------------------------------------
 

@@ -35,13 +35,7 @@ N_TOGETHER = 8
 
 @dataclass(frozen=True)
 class OfTrajectories:
-    """A `Summarizer` that scores each trajectory as a whole.
-
-    Attributes:
-        bonus: Gives the curiosity `c_t` of each transition.
-        reduce: Makes the score of the curiosity (T,) of all transitions.
-        pool: Threads that score.
-    """
+    """A `Summarizer` that reduces the curiosity (T,) of each whole trajectory to a score."""
 
     bonus: Bonus
     reduce: Callable[[Float32Array], float]
@@ -73,13 +67,13 @@ def weighted_sum(gamma: float, curiosity: Float32Array) -> float:
     return float(gamma ** np.arange(len(curiosity))[::-1] @ curiosity)
 
 
-def highest_quarter(n_states: int, curiosity: Float32Array) -> float:
+def quarter_of_states(n_states: int, curiosity: Float32Array) -> float:
     """The mean of the highest quarter of so many steps, evenly over the episode."""
     steps = evenly_spaced(n_states, np.array([len(curiosity)]))[0] - 1
-    return float(_highest_quarter(curiosity[steps]))
+    return float(highest_quarter(curiosity[steps]))
 
 
-def _highest_quarter(curiosity: Float32Array) -> Float64Array:
+def highest_quarter(curiosity: Float32Array) -> Float64Array:
     """The mean of the highest quarter along the last axis."""
     n_highest = max(1, curiosity.shape[-1] // 4)
     highest = np.sort(curiosity, axis=-1)[..., -n_highest:]
@@ -101,8 +95,6 @@ def on_threads(pool: ThreadPool, task: Callable[[int], None], n_tasks: int) -> N
 
 class CuriosityMotivation:
     """Scores an individual by its trajectory's curiosity, and trains a bonus on what was seen.
-
-    It serves any algorithm that has rollouts with trajectories.
 
     The score is `sum_t gamma^(T-1-t) c_t` (eq. 10), T the episode's own length: a `gamma` below 1
     weighs the end of an episode most, which also keeps long episodes from winning by length alone.
@@ -183,13 +175,13 @@ class CuriosityMotivation:
             self.bonus.pool = self._pool
 
     def scoring(self, n_individuals: int) -> dict[str, Summarizer]:
-        """A summarizer for `score`: it may read trajectories where and when they are played."""
+        """A summarizer for `score`."""
         if not self._is_whole:
             return {self._scored: EvenlySpaced(self.n_states or 1)}
         if self.n_states is None:
             reduce = partial(weighted_sum, self.gamma)
         else:
-            reduce = partial(highest_quarter, self.n_states)
+            reduce = partial(quarter_of_states, self.n_states)
         return {self._scored: OfTrajectories(self.bonus, reduce, self._pool)}
 
     @property
@@ -222,7 +214,7 @@ class CuriosityMotivation:
             curiosity[some] = scores.reshape(-1, n_states)
 
         on_threads(self._pool, score_some, -(-n_individuals // N_TOGETHER))
-        return _highest_quarter(curiosity)
+        return highest_quarter(curiosity)
 
     def update(self, rollouts: Rollouts) -> dict[str, float]:
         """Store m transitions of each individual, then train; mean losses of the generation."""

@@ -23,23 +23,15 @@ REBUILD_SHARE = 0.03
 
 
 class NoveltyArchive:
-    """Keeps every behavior, and finds the nearest of them by Euclidean distance in raw units.
+    """Keeps every behavior of B entries, and finds the nearest by Euclidean distance.
 
     Two k-d trees cover it: a large one that is seldom built, and a small one of later points,
     which every `add` builds. They hold equal behaviors once: policies stuck in the same corner
-    would otherwise fill a leaf that no tree can split. What counts for speed is the degrees of
-    freedom: the 36 numbers that a robot observes in a maze follow from 4, and are found fast, but
-    from about 12 independent ones on a query comes to a scan of everything.
-
-    Args:
-        n_dimensions: B, entries of a behavior.
-
-    Raises:
-        ValueError: If `n_dimensions` is not a whole number of at least 1.
+    would otherwise fill a leaf that no tree can split. From about 12 independent entries on a query
+    comes to a scan of everything.
     """
 
     def __init__(self, n_dimensions: int) -> None:
-        check_at_least_one(n_dimensions=n_dimensions)
         self.n_dimensions = n_dimensions
         self._copies = np.empty(0, dtype=np.int64)  # of each distinct behavior
         self._large = self._small = _tree(np.empty((0, n_dimensions)))
@@ -52,12 +44,7 @@ class NoveltyArchive:
         return int(self._copies.sum())
 
     def add(self, behaviors: npt.ArrayLike) -> None:
-        """Take in behaviors (n, B), which are copied.
-
-        Raises:
-            ValueError: If `behaviors` has another shape, or entries that are not finite or not
-                below 1e150 in size.
-        """
+        """Take in behaviors (n, B); ValueError unless they are finite, and below 1e150 in size."""
         rows = self._checked(behaviors)
         distances, numbers = self._nearest_distinct(rows, 1, within=1.0 / LARGEST)
         is_known = (distances == 0.0).any(axis=1)
@@ -75,14 +62,9 @@ class NoveltyArchive:
         self._small = _tree(recent)
 
     def nearest(self, behaviors: npt.ArrayLike, k: int) -> Float64Array:
-        """Distances of the nearest of the archive to each of the behaviors (n, B), ascending.
+        """Distances of the k nearest of the archive to each of the behaviors (n, B), ascending.
 
-        Args:
-            behaviors: Shape (n, B), in the units of those added.
-            k: Number of neighbors, at least 1.
-
-        Returns:
-            Shape (n, min(k, len(self))). Equal behaviors are neighbors each.
+        Shape (n, min(k, len(self))). Equal behaviors are neighbors each.
 
         Raises:
             ValueError: If `k` is below 1, or for `behaviors` that `add` refuses.
@@ -121,11 +103,8 @@ class NoveltyArchive:
     def state_dict(self) -> dict[str, Any]:
         """The distinct behaviors, how often each was added, and how many the large tree covers."""
         distinct = np.vstack([self._large.data, self._small.data])
-        return {
-            "behaviors": distinct,
-            "copies": self._copies.copy(),
-            "n_indexed": self._large.n,
-        }
+        n_indexed = self._large.n
+        return {"behaviors": distinct, "copies": self._copies.copy(), "n_indexed": n_indexed}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError for what that cannot give."""

@@ -90,11 +90,7 @@ class CanonicalSearch:
         return {"center": self.center.copy(), "rng": generator_state(self._rng)}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If the center is of another shape or type, or is not finite.
-        """
+        """Take over what `state_dict` gave; ValueError if the center does not fit."""
         check_like(state, self.state_dict(), "search")
         self.center = state["center"].copy()
         load_generator_state(self._rng, state["rng"])

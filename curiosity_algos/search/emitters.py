@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase, GaussianEmitter
+from ribs.schedulers import Scheduler
 
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.search.pareto import pareto_best
@@ -22,33 +23,31 @@ TOGETHER = 64
 
 
 class Emitters:
-    """pyribs' emitters, held where a checkpoint asks for `state_dict`.
-
-    Args:
-        emitters: A list of at least one of pyribs' kind.
-        archive: What they work on.
-        x0: (n_parameters,) where they begin.
+    """A list of pyribs' emitters on an archive, which begin at x0 (n_parameters,), with a state.
 
     Raises:
-        ValueError: If `emitters` is no such list, or one of them works on another archive.
+        ValueError: If one of them works on another archive, or needs gradients.
     """
 
-    def __init__(self, emitters: list[EmitterBase], archive: ArchiveBase, x0: Float32Array) -> None:
-        _check_emitters(emitters, archive)
+    def __init__(self, emitters: list[Any], archive: ArchiveBase, x0: Float32Array) -> None:
+        Scheduler(archive, emitters)  # raises unless they are a list, and different ones
+        for emitter in emitters:
+            can_emit = getattr(emitter, "batch_size", 0) and not hasattr(emitter, "batch_size_dqd")
+            if not can_emit or emitter.archive is not archive:
+                raise ValueError(
+                    "`emitters` must return emitters made with the `archive` that it is called "
+                    f"with, that have a `batch_size` and need no gradients, got {emitter!r}."
+                )
         self.emitters = emitters
         self.x0 = x0
 
     @property
     def batch_size(self) -> int:
         """Solutions that they emit in all."""
-        return sum(_batch_size(emitter) for emitter in self.emitters)
+        return sum(emitter.batch_size for emitter in self.emitters)
 
     def state_dict(self) -> dict[str, Any]:
-        """The emitters' attributes, see `foreign_state`, and where they began.
-
-        Raises:
-            ValueError: If an emitter has an attribute that a checkpoint cannot hold.
-        """
+        """The emitters' attributes, and where they began; ValueError where no file holds them."""
         try:
             states = {str(i): foreign_state(each) for i, each in enumerate(self.emitters)}
         except TypeError as error:
@@ -63,31 +62,6 @@ class Emitters:
         self.x0 = state["x0"].copy()
         for i, emitter in enumerate(self.emitters):
             load_foreign_state(emitter, state[str(i)])
-
-
-def _check_emitters(emitters: Any, archive: ArchiveBase) -> None:
-    is_valid = isinstance(emitters, list) and all(map(_can_emit, emitters))
-    if not is_valid or not emitters or len(set(map(id, emitters))) < len(emitters):
-        raise ValueError(
-            "`emitters` must return a list of different pyribs emitters that have a `batch_size` "
-            f"and need no gradients, got {emitters!r}."
-        )
-    strangers = [type(each).__name__ for each in emitters if each.archive is not archive]
-    if strangers:
-        raise ValueError(
-            "`emitters` must return emitters made with the `archive` that it is called with, got "
-            f"{', '.join(strangers)} of another one."
-        )
-
-
-def _can_emit(emitter: Any) -> bool:
-    needs_gradients = hasattr(emitter, "batch_size_dqd")
-    return isinstance(emitter, EmitterBase) and _batch_size(emitter) > 0 and not needs_gradients
-
-
-def _batch_size(emitter: Any) -> int:
-    """Solutions that an emitter emits; pyribs' base class does not say."""
-    return int(getattr(emitter, "batch_size", 0))
 
 
 def set_mutations(emitter: GaussianEmitter, *, sigma: float, batch_size: int) -> None:
@@ -105,10 +79,7 @@ class TournamentEmitter(GaussianEmitter):
         archive: Where the elites are drawn from.
         score: Of elites, a dictionary of arrays (n, ...), to scores (n,): the highest wins.
         tournament_size: Elites drawn uniformly for each parent; 1 is MAP-Elites' own rule.
-        sigma: Standard deviation of the mutations.
-        x0: (n_parameters,) parent while there are no elites.
-        batch_size: Mutants in all.
-        seed: Of the mutations.
+        **kwargs: As of pyribs' emitter.
     """
 
     def __init__(
@@ -117,12 +88,9 @@ class TournamentEmitter(GaussianEmitter):
         *,
         score: Callable[[Batch], npt.NDArray[np.floating[Any]]],
         tournament_size: int,
-        sigma: float,
-        x0: Float32Array,
-        batch_size: int,
-        seed: int,
+        **kwargs: Any,
     ) -> None:
-        super().__init__(archive, sigma=sigma, x0=x0, batch_size=batch_size, seed=seed)
+        super().__init__(archive, **kwargs)
         self._score = score
         self.tournament_size = tournament_size
 
@@ -166,13 +134,8 @@ class ParetoEmitter(EmitterBase):
         batch_size: int,
         seed: int,
     ) -> None:
-        super().__init__(
-            archive,
-            solution_dim=archive.solution_dim,
-            bounds=None,
-            lower_bounds=None,
-            upper_bounds=None,
-        )
+        bounds = dict.fromkeys(("bounds", "lower_bounds", "upper_bounds"))
+        super().__init__(archive, solution_dim=archive.solution_dim, **bounds)
         self.x0 = x0
         self.sigma = sigma
         self.n_parents = n_parents

@@ -55,14 +55,6 @@ class NormalizedSearch:
         """The parameters that act while no individual has found a reward, (n_parameters,)."""
         return self._as_seen(self.search.center)
 
-    @center.setter
-    def center(self, parameters: Array) -> None:
-        layer, rest = self._first_layer(parameters)
-        weights = layer[:-1] * self._deviation[:, None]
-        biases = layer[-1] + self._seen.mean @ layer[:-1]
-        # That of a `Search` need not be settable.
-        self.search.center = np.r_[weights.ravel(), biases, rest]  # type: ignore[misc]
-
     def ask(self) -> Float32Array:
         """A population, shape (P, n_parameters)."""
         return np.array([self._as_seen(each) for each in self.search.ask()])
@@ -98,11 +90,7 @@ class NormalizedSearch:
         return {"search": self.search.state_dict(), **seen, "count": float(self._seen.count)}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If it is of a search without standardized observations, or of others.
-        """
+        """Take over what `state_dict` gave; ValueError if it is of another search."""
         own = {**self.state_dict(), "search": {}}
         check_like({**state, "search": {}}, own, "search")
         self.search.load_state_dict(state["search"])
@@ -113,15 +101,11 @@ class NormalizedSearch:
     def _deviation(self) -> Float64Array:
         return np.maximum(np.sqrt(self._seen.var), SMALLEST_DEVIATION)
 
-    def _first_layer(self, parameters: Array) -> tuple[Float64Array, Array]:
-        """Weights and below them biases, (n_inputs + 1, n_units), and all other parameters."""
-        n = (self._n_inputs + 1) * self._n_units
-        return parameters[:n].reshape(-1, self._n_units).astype(np.float64), parameters[n:]
-
     def _as_seen(self, parameters: Array) -> Float32Array:
         """The same policy, for observations as they are."""
-        layer, rest = self._first_layer(parameters)
+        n = (self._n_inputs + 1) * self._n_units
+        layer = parameters[:n].reshape(-1, self._n_units).astype(np.float64)
         weights = layer[:-1] / self._deviation[:, None]
         biases = layer[-1] - self._seen.mean @ weights
-        whole: Float32Array = np.r_[weights.ravel(), biases, rest].astype(np.float32)
+        whole: Float32Array = np.r_[weights.ravel(), biases, parameters[n:]].astype(np.float32)
         return whole

@@ -117,7 +117,7 @@ def test_discrete_actions_and_the_papers_settings_go_on(make_model, assert_resum
 
 def test_an_adaptive_phi_goes_on(make_model, make_maze, assert_resumes):
     model = make_model(CuriosityES, make_maze(), phi="adaptive").learn(1500)
-    assert model._fitness.phi.value < 0.8
+    assert model._fitness.weight < 0.8
     assert_resumes(model, make_maze())
 
 

@@ -73,7 +73,7 @@ def test_it_begins_with_an_empty_archive(make_model, make_easy_maze):
 
 def test_it_needs_no_behaviors(make_model):
     model = make_model(AURORA, "CartPole-v1").learn(1000)
-    assert model.archive.behaviors.shape == (len(model.archive), 0)
+    assert model.archive.data("behavior").shape == (len(model.archive), 0)
     assert model.archive.data("measures").shape == (len(model.archive), 10)
     assert model.archive.stats.obj_max == model.best_return
 

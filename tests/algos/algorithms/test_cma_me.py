@@ -1,5 +1,3 @@
-import functools
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -103,15 +101,6 @@ def test_it_starts_anew_from_an_elite_every_few_generations(make_model, make_eas
         assert emitter.restarts == n_restarts
         elites = model.archive.data("solution")
         assert (elites == emitter._opt.mean).all(axis=1).any()
-
-
-def test_a_soft_archive_that_keeps_nothing_is_an_error(make_model, make_maze):
-    soft = functools.partial(GridArchive, dims=[5] * 4, ranges=[(0, 1)] * 4, threshold_min=0.0)
-    n_parameters = make_model(CMAME, make_maze()).policy.mlp.n_parameters
-    archive = soft(solution_dim=n_parameters, learning_rate=0.1)
-    model = make_model(CMAME, make_maze(), archive=archive, restart_interval=1)
-    with pytest.raises(ValueError, match=r"^`archive` must have kept .* above its `threshold_min`"):
-        model.learn(1)
 
 
 def test_errors_name_the_argument(make_model, make_maze):

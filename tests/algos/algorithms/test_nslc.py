@@ -41,23 +41,12 @@ def test_parents_are_the_best_in_novelty_and_local_competition(make_model, make_
     assert model.archive.stats.obj_max > 0
 
 
-def test_local_competition_counts_worse_neighbors(make_model, make_easy_maze):
-    model = make_model(NSLC, make_easy_maze(), **FINAL, k=5)
-    infos = []
-    add = model.archive.add
-    model.archive.add = lambda *args, **kwargs: infos.append(add(*args, **kwargs)) or infos[-1]
-    model.learn(3000)
-    counts = np.concatenate([info["local_competition"] for info in infos])
-    assert counts.min() == 0
-    assert 0 < counts.max() <= 5
-
-
 @pytest.mark.parametrize("behavior", ["final", "state", "learned"])
 def test_elites_are_told_apart_by_their_behaviors(make_model, make_easy_maze, behavior):
     model = make_model(NSLC, make_easy_maze(), behavior=behavior).learn(4000)
     size = {"final": 4, "state": model.observation_space.shape[0], "learned": 8}[behavior]
     assert model.archive.data("measures").shape == (len(model.archive), size)
-    assert model.archive.behaviors.shape == (len(model.archive), 4)
+    assert model.archive.data("behavior").shape == (len(model.archive), 4)
     assert 20 <= len(model.archive) <= 22
     assert model.archive.threshold > 0.0
 
@@ -69,12 +58,6 @@ def test_elites_are_measured_anew_as_the_encoder_learns(make_model, make_easy_ma
     assert n_generations > 1  # the encoder has learned since the first of them
     anew = model._features_of(elites["final_observation"])
     np.testing.assert_allclose(elites["measures"], anew, rtol=1e-4, atol=1e-5)
-
-
-def test_learned_behaviors_need_no_env_that_has_them(make_model):
-    model = make_model(NSLC, "CartPole-v1", **LEARNED).learn(500)
-    assert len(model.archive) > 1
-    assert model.archive.data("measures").shape[1] == 8
 
 
 class Line(gym.Env):
@@ -116,12 +99,6 @@ def test_what_is_far_in_time_is_far_and_noise_is_not():
     assert near > 20.0 * np.linalg.norm(here - noise)
 
 
-def test_nothing_is_learned_of_observations_that_are_not_finite(make_model):
-    model = make_model(NSLC, "CartPole-v1", **LEARNED)
-    with pytest.raises(ValueError, match="finite"):
-        model._features_of(np.full((1, 4), np.nan))
-
-
 def test_a_run_with_learned_behaviors_goes_on(
     make_model, make_easy_maze, assert_same_run, tmp_path
 ):
@@ -157,20 +134,7 @@ def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
     assert not np.array_equal(plain._ask(), changed._ask())
 
 
-def test_an_archive_has_its_own_neighbors_and_size(make_model, make_easy_maze, assert_same_run):
-    runs = []
-    for changes in ({}, {"k": 1, "archive_size": 5}):
-        own = make_model(NSLC, make_easy_maze(), **FINAL).archive
-        runs.append(make_model(NSLC, make_easy_maze(), **(FINAL | changes), archive=own))
-    assert_same_run(*(model.learn(3000) for model in runs))
-
-
 def test_errors_name_the_argument(make_model, make_maze):
     for name, value in {"n_parents": 7, "k": 0, "archive_size": 0, "behavior": "x"}.items():
         with pytest.raises(ValueError, match=f"`{name}` must be"):
             make_model(NSLC, make_maze(), **{name: value})
-
-
-def test_final_behaviors_need_an_env_that_has_them(make_model):
-    with pytest.raises(ValueError, match='`behavior="final"` needs an env'):
-        make_model(NSLC, "CartPole-v1", **FINAL)

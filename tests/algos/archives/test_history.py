@@ -30,12 +30,6 @@ def test_columns_by_hand():
     assert all(history[name].dtype == np.float64 for name in COLUMNS)
 
 
-def test_no_generation():
-    history = ArchiveHistory()
-    assert len(history) == 0
-    assert [history[name].shape for name in COLUMNS] == [(0,)] * 5
-
-
 def test_a_generation_without_elites_has_no_best():
     history = ArchiveHistory()
     history.record(7, make_archive().stats)
@@ -50,12 +44,6 @@ def test_a_column_that_there_is_not():
         make_history()["worst"]
 
 
-def test_columns_are_copies():
-    history = make_history()
-    history["size"][:] = 0
-    assert history["size"].tolist() == [1, 2, 3]
-
-
 @pytest.mark.parametrize("n", [0, 3])
 def test_a_state_goes_on(n, assert_same):
     one, other = make_history(n), make_history(2)
@@ -68,10 +56,3 @@ def test_a_state_goes_on(n, assert_same):
         {name: np.nan_to_num(other[name], nan=-9.0) for name in COLUMNS},
     )
     assert other["timesteps"][-1] == [5, 0, 0, 65][n]
-
-
-def test_a_state_does_not_follow(assert_same):
-    history = make_history()
-    state = history.state_dict()
-    history.record(5, make_archive().stats)
-    assert_same(state, make_history().state_dict())

@@ -2,8 +2,6 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import importlib
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,9 +13,8 @@ from ribs.archives import CVTArchive, GridArchive
 
 from curiosity_algos.archives.plots import plot_archive
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.layouts import MazeLayout
-from curiosity_gym.maze.viewer import FLOOR, WALL
+from curiosity_gym.maze.viewer import FLOOR
 
 WIDE = MazeLayout("wide", 40, 20, (5, 5), (35, 5), [[18, 0, 4, 10]])
 
@@ -149,29 +146,6 @@ def test_elites_at_borders_are_shown_in_their_cells(kind):
     np.testing.assert_array_equal(shown(plot_archive(archive)), np.arange(100.0).reshape(10, 10))
 
 
-@pytest.mark.parametrize("kind", [SparseGridArchive, GridArchive])
-@pytest.mark.parametrize("dimensions", [(0, 1), (3, 1)])
-def test_two_dimensions_look_as_pyribs_draws_a_grid_of_these(kind, dimensions, monkeypatch):
-    # Another picture of pyribs' draws with seaborn, which need not be installed.
-    monkeypatch.setitem(sys.modules, "seaborn", SimpleNamespace(ecdfplot=None))
-    grid_archive_heatmap = importlib.import_module("ribs.visualize").grid_archive_heatmap
-    archive = make_grid(kind=kind)
-    elites = archive.data()
-    settings = {name: [each[i] for i in dimensions] for name, each in GRID.items()}
-    flat = GridArchive(solution_dim=1, **settings)
-    flat.add(elites["solution"], elites["objective"], elites["measures"][:, dimensions])
-    theirs, (low, high) = plt.figure().add_subplot(), (-2.0, 2.0)
-    grid_archive_heatmap(flat, ax=theirs, vmin=low, vmax=high, cmap="viridis")
-    ours = plot_archive(archive, dimensions=dimensions)
-    mesh_of(ours).set_clim(low, high)
-    np.testing.assert_array_equal(shown(ours), shown(theirs))
-    for found, expected in zip(edges_of(ours), edges_of(theirs), strict=True):
-        np.testing.assert_allclose(found, expected)
-    for ax in (ours, theirs):
-        ax.figure.canvas.draw()
-    np.testing.assert_array_equal(mesh_of(ours).get_facecolors(), mesh_of(theirs).get_facecolors())
-
-
 def test_pyribs_cells_without_a_grid_are_squares():
     archive = CVTArchive(solution_dim=1, ranges=[(0, 1)] * 4, centroids=np.eye(4))
     archive.add(np.zeros((3, 1)), [1.0, 2.0, 3.0], np.eye(4)[:3])
@@ -189,7 +163,7 @@ def test_cells_of_something_else_are_not_shown():
     archive = SparseGridArchive(
         solution_dim=1, extra_fields={"behavior": ((2,), np.float64)}, **GRID
     )
-    archive.add_single([0.0], 3.0, [1, 1, 0, 2], behavior=[7.0, 8.0])
+    archive.add([[0.0]], [3.0], [[1, 1, 0, 2]], behavior=[[7.0, 8.0]])
     x_edges, y_edges = edges_of(plot_archive(archive))
     assert len(x_edges) == len(y_edges) == 51
     assert x_edges[0] <= 7.0 <= x_edges[-1]
@@ -203,28 +177,6 @@ def test_an_elite_colors_the_place_where_it_is(by):
     assert not looks(pixel(ax, 33.0, 3.0), FLOOR)
     for x, y in [(33.0, 17.0), (25.0, 3.0), (7.0, 17.0), (33.0, 8.0)]:
         assert looks(pixel(ax, x, y), FLOOR)
-
-
-def test_an_elite_on_the_border_is_shown():
-    ax = plot_archive(make_archive([[40.0, 20.0], [0.0, 0.0]], [1.0, 2.0]), WIDE, n_cells=5)
-    assert np.argwhere(~np.isnan(shown(ax))).tolist() == [[0, 0], [4, 4]]
-
-
-def test_walls_are_over_the_cells():
-    ax = plot_archive(make_archive([[17.0, 5.0]], [1.0]), WIDE, n_cells=2)
-    assert looks(pixel(ax, 19.0, 5.0), WALL)
-    assert not looks(pixel(ax, 15.0, 5.0), WALL)
-    assert not looks(pixel(ax, 15.0, 5.0), FLOOR)
-    assert looks(pixel(ax, 15.0, 15.0), FLOOR)
-
-
-def test_a_maze_keeps_its_look():
-    layout = BUILT_IN["us"]
-    ax = plot_archive(random_archive(), layout)
-    (walls,) = (item for item in ax.collections if isinstance(item, PatchCollection))
-    assert len(walls.get_paths()) == len(layout.walls)
-    assert (ax.get_xlim(), ax.get_ylim()) == ((0.0, layout.width), (0.0, layout.height))
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
 
 
 def test_without_a_maze_the_dimensions_are_named():
@@ -242,21 +194,6 @@ def test_axes_have_the_names_of_the_behavior(layout):
         plot_archive(random_archive(), layout, behavior_names=names[:2])
 
 
-@pytest.mark.parametrize(
-    ("by", "label"), [("objective", "best objective"), ("elites", "elites in a cell")]
-)
-def test_colorbar_says_what_it_shows(by, label):
-    ax = plot_archive(random_archive(), by=by)
-    assert ax.figure.axes[1].get_ylabel() == label
-
-
-def test_draws_on_given_axes():
-    ax = plt.figure().add_subplot()
-    assert plot_archive(random_archive(), WIDE, ax=ax) is ax
-    assert mesh_of(ax).axes is ax
-    assert len(plt.get_fignums()) == 1
-
-
 @pytest.mark.parametrize(("by", "layout"), [("objective", None), ("elites", WIDE)])
 def test_an_empty_archive_is_an_empty_map(by, layout):
     ax = plot_archive(make_archive(np.empty((0, 2)), []), layout, by=by)
@@ -265,25 +202,7 @@ def test_an_empty_archive_is_an_empty_map(by, layout):
     assert len(ax.figure.axes) == 1
 
 
-@pytest.mark.parametrize("by", ["objective", "elites"])
-def test_elites_outside_the_maze_are_left_out(by):
-    ax = plot_archive(make_archive([[90.0, 90.0], [-1.0, 5.0]], [1.0, 2.0]), WIDE, by=by)
-    ax.figure.canvas.draw()
-    assert np.isnan(shown(ax)).all()
-
-
-def test_a_single_elite_has_a_cell_without_a_maze():
-    ax = plot_archive(make_archive([[3.0, 4.0]], [5.0]), n_cells=3)
-    ax.figure.canvas.draw()
-    x_edges, y_edges = edges_of(ax)
-    ((ix, iy),) = np.argwhere(~np.isnan(shown(ax)))
-    assert x_edges[ix] <= 3.0 <= x_edges[ix + 1]
-    assert y_edges[iy] <= 4.0 <= y_edges[iy + 1]
-
-
-@pytest.mark.parametrize(
-    "dimensions", [(0, 0), (0, 3), (-1, 0), (0,), (0, 1, 2), (0, 1.5), 1, None]
-)
+@pytest.mark.parametrize("dimensions", [(0, 0), (0, 3), (-1, 0), (0,), (0, 1, 2), (0, 1.5)])
 def test_bad_dimensions_are_named(dimensions):
     message = r"^`dimensions` must be two different whole numbers from 0 to 2, got"
     with pytest.raises(ValueError, match=message):

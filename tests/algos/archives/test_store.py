@@ -39,8 +39,3 @@ def test_a_stream_of_rows_is_a_growing_array(batches):
         got = store.get(name, np.arange(len(held)))
         assert got.dtype == expected.dtype
         np.testing.assert_array_equal(got, expected)
-
-
-def test_rows_that_are_only_described_take_no_memory():
-    store = EliteStore({**DESCRIPTION, "solution": ((10**12,), np.dtype(np.float64))})
-    assert len(store) == 0

@@ -80,9 +80,6 @@ class TestEvenStates:
         states = sample_states(make_rollouts([8, 1, 4]), 5)
         assert states[:, :, 1].tolist() == [[0, 2, 4, 6, 8], [0, 0, 0, 1, 1], [0, 1, 2, 3, 4]]
 
-    def test_a_single_state_is_the_first(self):
-        assert sample_states(make_rollouts([8, 3]), 1)[:, 0, 1].tolist() == [0, 0]
-
     @pytest.mark.parametrize(
         ("lengths", "share", "n_states"),
         [([10, 4], 0.4, 4), ([10, 11], 0.4, 5), ([7], 1.0, 7), ([1], 0.1, 2)],
@@ -115,12 +112,6 @@ class TestTraining:
         with th.no_grad(), pytest.raises(RuntimeError, match="`learn` must be called outside"):
             encoder.train(states)
 
-    def test_epochs_of_one_training_count(self):
-        states = make_states()
-        few, many = (make_encoder(states=states, n_epochs=n) for n in (1, 60))
-        few.train(states), many.train(states)
-        assert many.loss < 0.1 * few.loss
-
     def test_the_scale_is_taken_anew(self):
         """Old data, or what it was scaled by, leaves no trace in how inputs are scaled."""
         states = make_states()
@@ -137,21 +128,6 @@ class TestTraining:
         scales = one.state_dict()["modules"]
         np.testing.assert_allclose(scales["0.mean"], rows.mean(axis=0), rtol=1e-9)
         np.testing.assert_allclose(scales["0.variance"], rows.var(axis=0), rtol=1e-6)
-
-    @pytest.mark.parametrize("n", [1, 2, 31, 33])
-    def test_any_number_of_trajectories(self, n):
-        states = make_states(n)
-        encoder = make_encoder(states=states, n_epochs=2)
-        encoder.train(states)
-        assert np.isfinite(encoder.loss)
-        assert np.isfinite(encoder.encode(states)).all()
-
-    def test_what_is_given_is_not_changed(self):
-        states = make_states()
-        encoder = make_encoder(states=states, n_epochs=1)
-        encoder.train(states)
-        encoder.encode(states)
-        np.testing.assert_array_equal(states, make_states())
 
     def test_torchs_own_draws_and_threads_stay(self):
         states, before = make_states(), th.get_rng_state()
@@ -190,22 +166,6 @@ class TestEncoding:
         encoder.train(states)
         return encoder
 
-    def test_clusters_of_trajectories_come_apart(self):
-        ends = np.repeat([[5.0, -5.0, 5.0], [-5.0, 5.0, 5.0]], 40, axis=0)
-        noise = np.random.default_rng(0).normal(0.0, 0.3, (80, 10, 3))
-        times = np.linspace(0.0, 1.0, 10)[None, :, None]
-        states = (times * ends[:, None] + noise).astype(np.float32)
-        latents = self.trained(states).encode(states)
-        assert latents.shape == (80, 2)
-        assert latents.dtype == np.float64
-        centers = latents[:40].mean(axis=0), latents[40:].mean(axis=0)
-        gap = np.linalg.norm(centers[0] - centers[1])
-        radii = [
-            np.linalg.norm(part - center, axis=1).max()
-            for part, center in zip(np.split(latents, 2), centers, strict=True)
-        ]
-        assert gap > sum(radii)
-
     def test_what_a_trajectory_is_in_any_company(self):
         states = make_states(150)
         encoder = self.trained(states)
@@ -215,13 +175,6 @@ class TestEncoding:
         np.testing.assert_allclose(alone, together, atol=1e-5)
         np.testing.assert_allclose(encoder.encode(states[::-1].copy()), together[::-1], atol=1e-5)
         assert np.ptp(together, axis=0).min() > 0.1
-
-    def test_encoding_is_no_training(self):
-        states = make_states(20)
-        encoder = self.trained(states)
-        before = encoder.encode(states)
-        encoder.encode(1000.0 * states)
-        np.testing.assert_array_equal(encoder.encode(states), before)
 
 
 class TestStates:
@@ -249,15 +202,6 @@ class TestStates:
             encoder.begin(rollouts)
         latents = [encoder.encode(encoder.states(rollouts)) for encoder in (fresh, other)]
         np.testing.assert_array_equal(*latents)
-
-    def test_one_that_has_seen_trajectories_of_another_length(self):
-        states = make_states(20)
-        one, other = make_encoder(states=states), make_encoder(states=make_states(20, 4))
-        other.train(make_states(20, 4))
-        other.load_state_dict(one.state_dict())
-        for encoder in (one, other):
-            encoder.train(states)
-        np.testing.assert_array_equal(other.encode(states), one.encode(states))
 
     def test_a_state_belongs_to_nobody(self, assert_same):
         states = make_states(40)

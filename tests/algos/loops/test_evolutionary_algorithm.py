@@ -36,8 +36,6 @@ from curiosity_algos import (
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.coverage import env_attribute
 from curiosity_algos.evaluation.maze import MazeEvaluator
-from curiosity_algos.evaluation.mlp import act
-from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 
 HARD = "CuriosityMaze-Hard-v0"
@@ -149,15 +147,6 @@ class TestLearn:
         assert model.first_success_timesteps == lengths[: first + 1].sum()
         assert model.first_reward_timesteps == model.first_success_timesteps
 
-    def test_coverage_counts_final_behaviors(self, algorithm, make_model, make_maze):
-        env = make_maze()
-        model, recorder = make_model(algorithm, env), Recorder()
-        assert model.coverage == 0.0
-        model.learn(4 * GENERATION, callback=recorder)
-        grid = env.unwrapped.coverage_grid
-        cells = {cell for rollouts in recorder.rollouts for cell in grid.cells(rollouts.behaviors)}
-        assert model.coverage == len(cells) / grid.reachable.sum()
-
     def test_cells_are_visited_at_any_step(self, algorithm, make_model, make_maze):
         env, oracle = make_maze(), make_maze()
         model, recorder = make_model(algorithm, env), Recorder()
@@ -229,13 +218,6 @@ class TestPredict:
         actions, state = model.predict(observations, deterministic=True)
         assert (actions.shape, actions.dtype, state) == ((5, 2), np.float32, None)
         np.testing.assert_array_equal(model.predict(observations[3])[0], actions[3])
-
-    def test_discrete_actions_are_of_the_space(self, algorithm, make_model, make_classic):
-        env = make_classic("CartPole-v1")
-        model = make_model(algorithm, env)
-        action, _ = model.predict(env.reset(seed=0)[0])
-        assert env.action_space.contains(int(action))
-        env.step(action)
 
     def test_the_center_acts_while_there_is_no_reward(self, algorithm, make_model, make_maze):
         model = make_model(algorithm, make_maze())
@@ -335,11 +317,6 @@ class TestEnvs:
 
 
 class TestArguments:
-    def test_the_policy_goes_by_keyword(self, algorithm, make_model, make_maze):
-        settings = {"policy": "MlpPolicy", "policy_kwargs": {"net_arch": [3, 2]}}
-        model = make_model(algorithm, make_maze(), **settings)
-        assert model.policy.mlp.sizes.tolist() == [36, 3, 2, 2]
-
     @pytest.mark.parametrize(
         ("algorithm", "name", "values"),
         [
@@ -379,51 +356,6 @@ class TestParameters:
             model.learn(2 * GENERATION, reset_num_timesteps=False)
         assert_same(one.get_parameters(), other.get_parameters())
 
-    def test_missing_ones_are_an_error(self, make_model, make_maze):
-        model = make_model(CanonicalES, make_maze())
-        parameters = model.get_parameters()
-        del parameters["episodes"]
-        with pytest.raises(ValueError, match=r"`parameters` must have `\w+"):
-            model.set_parameters(parameters)
-
-    def test_the_policy_alone_may_be_set(self, algorithm, make_model, make_maze):
-        env = make_maze()
-        model = make_model(algorithm, env)
-        flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
-        model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
-        observation, _ = env.reset()
-        expected = act(model.policy.mlp, flat.numpy()[None], observation[None])[0]
-        np.testing.assert_array_equal(model.predict(observation)[0], expected)
-
-    @EVERY
-    def test_the_search_goes_on_from_a_policy(self, algorithm, make_model, make_maze):
-        model = make_model(algorithm, make_maze(), sigma=1e-6)
-        flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
-        model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
-        np.testing.assert_array_equal(model._center(), flat)
-        np.testing.assert_allclose(model._ask(), np.tile(flat, (6, 1)), atol=1e-4)
-        model.learn(GENERATION)
-        np.testing.assert_allclose(model._center(), flat, atol=1e-4)
-
-    def test_a_policy_that_is_not_finite_changes_nothing(
-        self, algorithm, make_model, make_maze, assert_same_run
-    ):
-        model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
-        flat = th.full((model.policy.mlp.n_parameters,), th.nan)
-        with pytest.raises(ValueError, match="`policy` must have finite parameters"):
-            model.set_parameters({"policy": {"flat": flat}}, exact_match=False)
-        assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
-
-    @pytest.mark.parametrize("others", [set(), {"episodes"}, {"coverage", "episodes"}])
-    def test_the_search_goes_on_from_a_policy_whatever_comes_with_it(
-        self, make_model, make_maze, others
-    ):
-        model, other = (make_model(CanonicalES, make_maze(), seed=seed) for seed in (0, 1))
-        parameters = {k: v for k, v in other.get_parameters().items() if k in others}
-        flat = th.linspace(-1, 1, model.policy.mlp.n_parameters)
-        model.set_parameters(parameters | {"policy": {"flat": flat}}, exact_match=False)
-        np.testing.assert_array_equal(model._center(), flat)
-
     def test_names_that_do_not_match_change_nothing(
         self, algorithm, make_model, make_maze, assert_same_run
     ):
@@ -433,21 +365,6 @@ class TestParameters:
             model.set_parameters({"policy": policy})
         with pytest.raises(ValueError, match="`parameters` must not have `_none`"):
             model.set_parameters({"policy": policy, "_none": {}}, exact_match=False)
-        assert_same_run(model, untouched)
-
-    def test_a_policy_has_all_of_its_parameters(self, make_model, make_maze, assert_same_run):
-        model, untouched = (make_model(CanonicalES, make_maze()) for _ in range(2))
-        for policy in (3, {}, {"flat": th.zeros(3)}, {"vector": th.zeros(3)}):
-            for parameters in ({"policy": policy}, model.get_parameters() | {"policy": policy}):
-                with pytest.raises(ValueError, match=r"`policy` must have `flat`, its \d+ param"):
-                    model.set_parameters(parameters, exact_match=False)
-        assert_same_run(model, untouched)
-
-    def test_a_whole_state_is_finite_too(self, make_model, make_maze, assert_same_run):
-        model, untouched = (make_model(CanonicalES, make_maze()) for _ in range(2))
-        flat = th.full((model.policy.mlp.n_parameters,), th.inf)
-        with pytest.raises(ValueError, match="`policy` must have finite parameters"):
-            model.set_parameters(model.get_parameters() | {"policy": {"flat": flat}})
         assert_same_run(model, untouched)
 
 
@@ -472,8 +389,6 @@ def test_an_algorithm_without_a_search_loads_too(make_easy_maze, tmp_path):
     model.save(tmp_path / "model")
     loaded = Nowhere.load(tmp_path / "model", make_easy_maze())
     assert loaded.num_timesteps == model.num_timesteps
-    with pytest.raises(ValueError, match="`policy` cannot be set alone"):
-        loaded.set_parameters({"policy": model.policy.state_dict()}, exact_match=False)
 
 
 class TestLogging:
@@ -510,12 +425,6 @@ class TestLogging:
         model.learn(7 * GENERATION, log_interval=3)
         assert [row["time/generations"] for row in read_log(tmp_path)] == [3, 6]
 
-    def test_verbose_prints_a_table(self, make_model, make_maze, capsys):
-        make_model(CanonicalES, make_maze(), verbose=1).learn(1)
-        assert "total_timesteps" in capsys.readouterr().out
-        make_model(CanonicalES, make_maze()).learn(1)
-        assert capsys.readouterr().out == ""
-
 
 class TestCallbacks:
     def test_events_come_in_stable_baselines_order(self, make_model, make_maze):
@@ -531,31 +440,6 @@ class TestCallbacks:
         model.learn(9 * GENERATION, callback=recorder)
         assert model.generation == 2
         assert recorder.events[-1] == "training end"
-
-    @pytest.mark.parametrize("event", ["_on_step", "_on_rollout_end"])
-    def test_what_they_record_is_in_the_row_of_its_generation(
-        self, make_model, make_maze, tmp_path, event
-    ):
-        class Records(BaseCallback):
-            def _on_step(self):
-                return True
-
-        def record(self):
-            self.logger.record("own", self.model.generation)
-            return True
-
-        setattr(Records, event, record)
-        model = make_model(CanonicalES, make_maze())
-        model.set_logger(configure(str(tmp_path), ["json"]))
-        model.learn(3 * GENERATION, callback=Records())
-        rows = read_log(tmp_path)
-        assert [row["own"] for row in rows] == [row["time/generations"] for row in rows]
-        assert len(rows) == 3
-
-    def test_a_function_will_do(self, make_model, make_maze):
-        model = make_model(CanonicalES, make_maze())
-        model.learn(9 * GENERATION, callback=lambda local_variables, global_variables: False)
-        assert model.generation == 1
 
     @pytest.mark.parametrize("horizon", HORIZONS)
     def test_evaluation_stops_at_a_threshold(
@@ -631,12 +515,6 @@ class TestEvaluator:
         assert halved.n_calls == model.generation
         assert model._best.value == plain._best.value / 2.0
 
-    def test_an_env_that_it_fits_keeps_it(self, make_model, make_easy_maze):
-        halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
-        model = make_model(CanonicalES, make_easy_maze(), evaluator=halved)
-        model.set_env(make_easy_maze())
-        assert model.evaluator is halved
-
     def test_another_env_needs_another(self, make_model, make_easy_maze, make_maze):
         halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
         model = make_model(CanonicalES, make_easy_maze(), evaluator=halved)
@@ -691,24 +569,3 @@ class TestEvaluator:
         other = make_model(CanonicalES, make_easy_maze(), policy_kwargs={"net_arch": [5]})
         with pytest.raises(ValueError, match=r'`evaluator` must be "auto", "ray" or an Evaluator'):
             make_model(CanonicalES, make_easy_maze(), evaluator=other.evaluator)
-
-
-def test_each_individual_ends_an_episode_as_a_monitor_says():
-    rollouts = Rollouts(
-        returns=np.array([np.float32(0.66), 0.0]),
-        lengths=np.array([3, 5]),
-        success=np.array([True, False]),
-        terminated=np.array([True, False]),
-        behaviors=np.array([[0.1, 0.2], [0.3, 0.4]]),
-        final_observations=np.arange(4, dtype=np.float32).reshape(2, 2),
-    )
-    infos = rollouts.infos(12.3456789)
-    assert [info["episode"] for info in infos] == [
-        {"r": 0.66, "l": 3, "t": 12.345679},
-        {"r": 0.0, "l": 5, "t": 12.345679},
-    ]
-    assert [info["is_success"] for info in infos] == [True, False]
-    assert infos[1]["terminal_observation"].tolist() == [2.0, 3.0]
-    assert infos[1]["behavior"].tolist() == [0.3, 0.4]
-    without = dataclasses.replace(rollouts, behaviors=np.empty((2, 0)))
-    assert "behavior" not in without.infos(0.0)[0]

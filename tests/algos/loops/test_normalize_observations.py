@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch as th
 
 from curiosity_algos import NSES, CanonicalES, CuriosityES
 
@@ -48,14 +47,6 @@ def test_predict_acts_as_what_was_evaluated(make_model, make_easy_maze):
     assert model.best_return > 0.0
     evaluated = model.evaluator.evaluate(model.policy.vector[None])
     assert evaluated.returns[0] == pytest.approx(model.best_return, abs=1e-6)
-
-
-def test_it_begins_with_a_policy(make_model, make_easy_maze):
-    model = make_model(CanonicalES, make_easy_maze(), normalize_observations=True).learn(2000)
-    start = np.random.default_rng(0).normal(size=model.policy.vector.shape).astype(np.float32)
-    parameters = {"policy": {"flat": th.from_numpy(start)}}
-    model.set_parameters(parameters, exact_match=False)
-    np.testing.assert_allclose(model._search.center, start, rtol=1e-4, atol=1e-5)
 
 
 def test_load_cannot_change_it(model, make_easy_maze, tmp_path):

@@ -6,7 +6,6 @@ from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts, only
 
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.icm import ICM
-from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 
 GIVEN = {
@@ -138,13 +137,6 @@ class TestScore:
             expected.append(score)
         np.testing.assert_allclose(motivation.score(rollouts), expected, rtol=1e-5)
 
-    def test_the_last_transition_ends_at_the_final_observation(self):
-        rollouts = make_rollouts()
-        scores = make_motivation(Recorder(), gamma=0.0).score(rollouts)
-        last = np.arange(len(LENGTHS)), LENGTHS - 1
-        expected = 4 * rollouts.final_observations + 2 * rollouts.observations[last]
-        np.testing.assert_array_equal(scores, expected[:, 0] + rollouts.actions[last][:, 0])
-
     @pytest.mark.parametrize("is_discrete", [False, True])
     @pytest.mark.parametrize("how", [{}, {"gamma": 1.0, "n_states": 4}])
     def test_threads_change_no_bit(self, is_discrete, how, monkeypatch):
@@ -166,11 +158,6 @@ class TestScore:
         motivation = make_motivation()
         alone = [motivation.score(only(rollouts, slice(i, i + 1)))[0] for i in range(len(LENGTHS))]
         np.testing.assert_array_equal(motivation.score(rollouts), alone)
-
-    def test_needs_trajectories(self):
-        values = make_rollouts().__dict__ | {"observations": None, "actions": None}
-        with pytest.raises(ValueError, match="no trajectories"):
-            make_motivation().score(Rollouts(**values))
 
 
 class TestUpdate:
@@ -203,22 +190,6 @@ class TestUpdate:
         expected = np.concatenate([held["observations"], ends])
         np.testing.assert_array_equal(motivation.bonus.observed[0], expected)
 
-    @pytest.mark.parametrize("is_discrete", [False, True])
-    def test_what_was_seen_becomes_less_curious(self, is_discrete):
-        rollouts = make_rollouts(is_discrete)
-        action_space = spaces.Discrete(3) if is_discrete else None
-        motivation = make_motivation(action_space=action_space, n_updates=150, batch_size=32)
-        motivation.update(rollouts)
-        before = motivation.score(rollouts).mean()
-        losses = motivation.update(rollouts)
-        assert set(losses) == {"icm/loss", "icm/forward_loss", "icm/inverse_loss"}
-        assert motivation.score(rollouts).mean() < before
-
-    def test_torchs_threads_come_back(self):
-        th.set_num_threads(2)
-        make_motivation().update(make_rollouts())
-        assert th.get_num_threads() == 2
-
 
 class TestMaking:
     def make(self, action_space=ACTIONS[0], **changes):
@@ -238,14 +209,6 @@ class TestMaking:
     def test_errors_name_the_argument(self, name, value, message):
         with pytest.raises(ValueError, match=message):
             self.make(**{name: value})
-
-    def test_other_observations_are_refused(self):
-        with pytest.raises(ValueError, match="`observation_space` must be a one-dimensional Box"):
-            CuriosityMotivation(spaces.Discrete(3), ACTIONS[0])
-
-    @pytest.mark.parametrize("gamma", [0.0, 1.0])
-    def test_bounds_of_gamma_are_allowed(self, gamma):
-        assert self.make(gamma=gamma).gamma == gamma
 
     @pytest.mark.parametrize("action_space", ACTIONS)
     def test_the_parts_have_the_settings(self, action_space):
@@ -270,20 +233,3 @@ class TestMaking:
         assert (motivation.score(make_rollouts(is_discrete=True)) == 0.0).all()  # none is known
         assert motivation.update(make_rollouts(is_discrete=True))["apt/loss"] > 0.0
         assert (motivation.score(make_rollouts(is_discrete=True, seed=1)) > 0.0).all()
-
-
-def test_a_state_without_the_buffer_leaves_it_empty():
-    one, other = make_motivation(), make_motivation()
-    one.update(make_rollouts())
-    state = one.state_dict()
-    del state["buffer"]
-    other.load_state_dict(state)
-    assert len(other.buffer) == 0
-    other.update(make_rollouts(seed=1))
-    assert len(other.buffer) == 6 * len(LENGTHS)
-
-
-def test_the_bonus_trains_on_the_motivations_threads():
-    motivation = make_motivation(n_threads=3)
-    assert motivation.bonus.pool is motivation._pool
-    assert motivation.bonus.pool.n_threads == 3

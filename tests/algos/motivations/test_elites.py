@@ -60,17 +60,6 @@ def test_a_score_is_the_length_times_the_mean_of_what_is_kept(kind):
     np.testing.assert_allclose(scores, expected, rtol=1e-5)
 
 
-def test_it_estimates_the_sum_over_the_trajectory():
-    curiosity, rollouts = make_curiosity(n_kept=4000), make_rollouts()
-    sums = [
-        curiosity.bonus.score_trajectory(
-            rollouts.observations[i, : length + 1], rollouts.actions[i, :length]
-        ).sum()
-        for i, length in enumerate(LENGTHS)
-    ]
-    np.testing.assert_allclose(curiosity.score(curiosity.fields(rollouts)), sums, rtol=0.03)
-
-
 @KINDS
 def test_a_score_follows_what_the_bonus_learned(kind):
     curiosity = make_curiosity(kind)
@@ -89,13 +78,6 @@ def test_a_score_follows_what_the_bonus_learned(kind):
     shares = [end.sum() / begin.sum() for begin, end in zip(before, after, strict=True)]
     assert shares[0] < 0.5
     assert shares[0] < 0.8 * shares[1]
-
-
-def test_torchs_threads_come_back():
-    th.set_num_threads(2)
-    curiosity = make_curiosity()
-    curiosity.score(curiosity.fields(make_rollouts()))
-    assert th.get_num_threads() == 2
 
 
 def test_draws_resume():

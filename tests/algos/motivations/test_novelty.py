@@ -1,5 +1,3 @@
-import tracemalloc
-
 import numpy as np
 import pytest
 from gymnasium import spaces
@@ -47,16 +45,6 @@ def test_novelty_equals_a_brute_force(data, k, n_dimensions, n_generations):
         )
         assert motivation.update(rollouts) == {"archive/size": len(seen) + len(behaviors)}
         seen += behaviors
-
-
-def test_a_large_first_generation_needs_no_matrix():
-    rollouts = make_rollouts(np.random.default_rng(0).normal(size=(2000, 2)))
-    motivation = NoveltyMotivation(2, k=10, behavior="final")
-    tracemalloc.start()
-    motivation.score(rollouts)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 2000**2  # an eighth of a matrix
 
 
 def test_the_whole_state_may_be_compared():

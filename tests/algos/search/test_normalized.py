@@ -10,7 +10,6 @@ from curiosity_algos.search.canonical import CanonicalSearch
 from curiosity_algos.search.normalized import (
     SMALLEST_DEVIATION,
     NormalizedSearch,
-    moments,
 )
 
 N_INPUTS = 3
@@ -86,13 +85,6 @@ def test_one_observation_hides_no_others(outlier):
     assert (np.abs(after["mean"] - before["mean"]) < 10.0 * np.sqrt(before["var"])).all()
 
 
-def test_before_anything_is_seen_they_are_the_same():
-    search, _ = make_search()
-    inner, _ = make_search()
-    np.testing.assert_array_equal(search.ask(), inner.search.ask())
-    np.testing.assert_array_equal(search.center, inner.search.center.astype(np.float32))
-
-
 @given(st.lists(st.integers(1, 12), min_size=1, max_size=6), st.integers(1, 4))
 def test_statistics_are_those_of_all_that_policies_acted_on(lengths, n_generations):
     search, _ = make_search()
@@ -105,22 +97,6 @@ def test_statistics_are_those_of_all_that_policies_acted_on(lengths, n_generatio
     np.testing.assert_allclose(search._seen.var, seen.var(axis=0), rtol=0.02, atol=2.0)
 
 
-def test_parts_of_a_population_have_the_moments_of_the_whole():
-    rollouts = make_rollouts()
-    whole = moments(rollouts, slice(0, 3))
-    part = Rollouts(
-        *(
-            getattr(rollouts, name)[1:]
-            for name in ("returns", "lengths", "success", "terminated", "behaviors")
-        ),
-        final_observations=rollouts.final_observations[1:],
-        observations=rollouts.observations[1:],
-        actions=rollouts.actions[1:],
-    )
-    for all_of_it, some in zip(whole, moments(part, slice(1, 3)), strict=True):
-        np.testing.assert_array_equal(all_of_it[1:], some)
-
-
 def test_an_entry_that_never_changes_is_not_blown_up():
     search, _ = make_search()
     rollouts = make_rollouts()
@@ -128,14 +104,6 @@ def test_an_entry_that_never_changes_is_not_blown_up():
     search.observe(rollouts)
     assert search._deviation[1] == pytest.approx(SMALLEST_DEVIATION, rel=0.5)
     assert np.abs(search.ask()).max() < 1e4
-
-
-def test_it_begins_where_it_is_told_to():
-    search, _ = make_search()
-    search.observe(make_rollouts())
-    start = np.random.default_rng(1).normal(size=search.center.size)
-    search.center = start
-    np.testing.assert_allclose(search.center, start, rtol=1e-5, atol=1e-5)
 
 
 def test_it_goes_on_from_its_state():

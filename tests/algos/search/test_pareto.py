@@ -1,7 +1,6 @@
 import tracemalloc
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -64,36 +63,12 @@ def test_fronts_are_those_of_the_definition(objectives):
     assert all(front.dtype == np.int64 for front in fronts)
 
 
-def test_fronts_by_hand():
-    objectives = np.array([[1, 1], [0, 2], [2, 0], [1, 0], [0, 0], [1, 1], [0, 1]], dtype=float)
-    assert as_lists(pareto_fronts(objectives)) == [[0, 1, 2, 5], [3, 6], [4]]
-
-
 def test_no_rows_have_no_fronts():
     nothing = np.empty((0, 2))
     assert pareto_fronts(nothing) == []
     assert crowding_distances(nothing).shape == (0,)
     best = pareto_best(nothing, 0)
     assert (best.shape, best.dtype) == ((0,), np.int64)
-
-
-def fronts_by_matrix(objectives):
-    """Front by front, from which row dominates which."""
-    no_worse = np.all(objectives[:, None] >= objectives[None], axis=2)
-    dominates = no_worse & ~no_worse.T
-    rest, fronts = np.arange(len(objectives)), []
-    while len(rest):
-        is_dominated = dominates[np.ix_(rest, rest)].any(axis=0)
-        fronts.append(rest[~is_dominated].tolist())
-        rest = rest[is_dominated]
-    return fronts
-
-
-@pytest.mark.parametrize("n_values", [1, 3, 200])
-def test_fronts_of_many_rows_are_those_of_a_matrix(n_values):
-    rng = np.random.default_rng(n_values)
-    objectives = np.stack([rng.normal(size=200), rng.integers(n_values, size=200)], axis=1)
-    assert as_lists(pareto_fronts(objectives)) == fronts_by_matrix(objectives)
 
 
 def test_many_fronts_need_no_matrix():
@@ -105,42 +80,6 @@ def test_many_fronts_need_no_matrix():
     tracemalloc.stop()
     assert best.tolist() == list(range(n))[::-1]
     assert peak < n**2 // 2  # half of a matrix of truth values
-
-
-@given(OBJECTIVES, st.integers(-5, 5), st.sampled_from([0.25, 0.5, 2.0, 8.0]))
-def test_neither_origin_nor_unit_of_an_objective_matters(objectives, shift, scale):
-    changed = objectives.copy()
-    changed[:, 0] = scale * objectives[:, 0] + shift  # exact in floating point
-    assert as_lists(pareto_fronts(changed)) == as_lists(pareto_fronts(objectives))
-    np.testing.assert_array_equal(crowding_distances(changed), crowding_distances(objectives))
-    n = len(objectives)
-    np.testing.assert_array_equal(pareto_best(changed, n), pareto_best(objectives, n))
-
-
-@given(OBJECTIVES, st.randoms(use_true_random=False))
-def test_permuted_rows_have_permuted_fronts(objectives, random):
-    order = np.arange(len(objectives))
-    random.shuffle(order)
-    permuted = [sorted(order[front]) for front in pareto_fronts(objectives[order])]
-    assert permuted == as_lists(pareto_fronts(objectives))
-
-
-def test_crowding_by_hand():
-    front = np.array([[4.0, 10.0], [0.0, 50.0], [10.0, 0.0], [1.0, 30.0], [8.0, 5.0]])
-    expected = [
-        (8 - 1) / 10 + (30 - 5) / 50,
-        np.inf,
-        np.inf,
-        (4 - 0) / 10 + (50 - 10) / 50,
-        (10 - 4) / 10 + (10 - 0) / 50,
-    ]
-    np.testing.assert_allclose(crowding_distances(front), expected)
-
-
-def test_crowding_of_equal_rows_is_the_same_every_time():
-    assert crowding_distances(np.full((4, 2), 3.0)).tolist() == [0.0] * 4
-    ends_thrice = np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]])
-    assert crowding_distances(ends_thrice).tolist() == [np.inf, 0.0, 1.0, 1.0, 0.0, np.inf]
 
 
 @given(OBJECTIVES.filter(len))

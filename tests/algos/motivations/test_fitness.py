@@ -4,29 +4,31 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from logs import read_log
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from curiosity_algos import NSES, CuriosityES
-from curiosity_algos.loops.evolution_strategy import standardize
-from curiosity_algos.motivations.phi import (
+from curiosity_algos.motivations.fitness import (
     HIGHEST,
     PATIENCE,
     STEP,
-    Phi,
+    Fitness,
     check_phi,
+    standardize,
 )
 
+SEED = np.random.SeedSequence(0)
 STRATEGIES = pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
 
 
 def adapted(*generations):
     """The weight after each generation, which had a better return or had not."""
-    phi, values = Phi("adaptive"), []
+    fitness, values = Fitness("adaptive", "ignore", SEED), []
     for best_return in returns_of(generations):
-        phi.adapt(best_return)
-        values.append(phi.value)
+        fitness.adapt(best_return)
+        values.append(fitness.weight)
     return values
 
 
@@ -35,10 +37,59 @@ def returns_of(generations):
     return [float(i) if improved else -np.inf for i, improved in enumerate(generations)]
 
 
-class TestAdaptive:
-    def test_the_settings_that_the_numbers_here_are_for(self):
-        assert (HIGHEST, STEP, PATIENCE) == (0.8, 0.2, 3)
+class TestStandardize:
+    @given(hnp.arrays(np.float64, st.integers(1, 30), elements=st.floats(-1e6, 1e6)))
+    def test_mean_zero_deviation_one_in_the_same_order(self, values):
+        standardized = standardize(values)
+        assert np.isfinite(standardized).all()
+        assert abs(standardized.mean()) < 1e-3
+        deviation = standardized.std()
+        assert deviation == pytest.approx(1.0) or (standardized == 0.0).all()
+        ranked = standardized[np.argsort(values, kind="stable")]
+        assert (np.diff(ranked) >= 0.0).all()
 
+    @given(st.floats(-1e12, 1e12), st.integers(1, 60))
+    def test_equal_values_are_zero(self, value, n):
+        np.testing.assert_array_equal(standardize(np.full(n, value)), np.zeros(n))
+
+    def test_values_stay_as_they_were(self):
+        values = np.array([1.0, 2.0, 3.0])
+        np.testing.assert_allclose(standardize(values), np.array([-1, 0, 1]) * np.sqrt(1.5))
+        np.testing.assert_array_equal(values, [1.0, 2.0, 3.0])
+
+
+class TestCombination:
+    extrinsic = np.array([0.0, 1.0, 0.0, 3.0])
+    intrinsic = np.array([9.0, 2.0, 4.0, 1.0])
+
+    @pytest.mark.parametrize("phi", [0.0, 0.3, 1.0])
+    @pytest.mark.parametrize("no_reward", ["ignore", "random"])
+    def test_the_weighted_sum_of_both(self, phi, no_reward):
+        fitness = Fitness(phi, no_reward, SEED).combine(self.extrinsic, self.intrinsic)
+        z = [(x - x.mean()) / x.std() for x in (self.extrinsic, self.intrinsic)]
+        np.testing.assert_allclose(fitness, phi * z[0] + (1 - phi) * z[1])
+
+    def test_without_reward_intrinsic_fitness_ranks_alone(self):
+        fitness = Fitness(0.8, "ignore", SEED).combine(np.zeros(4), self.intrinsic)
+        np.testing.assert_array_equal(np.argsort(fitness), np.argsort(self.intrinsic))
+
+    def test_without_reward_noise_may_stand_for_it_and_resumes(self):
+        one, other = (Fitness(0.8, "random", np.random.SeedSequence(seed)) for seed in (0, 1))
+        drawn = [one.combine(np.zeros(4), self.intrinsic)]
+        other.load_state_dict(one.state_dict())
+        drawn += [fitness.combine(np.zeros(4), self.intrinsic) for fitness in (one, other)]
+        assert not np.array_equal(*drawn[:2])
+        np.testing.assert_array_equal(*drawn[1:])
+
+    def test_equal_rewards_are_no_absence_of_reward(self):
+        random, ignore = (Fitness(0.8, mode, SEED) for mode in ("random", "ignore"))
+        rewards = np.full(4, 2.0)
+        np.testing.assert_array_equal(
+            random.combine(rewards, self.intrinsic), ignore.combine(rewards, self.intrinsic)
+        )
+
+
+class TestAdaptive:
     def test_patience_lowers_it_by_a_step(self):
         assert adapted(*[False] * 7) == [0.8, 0.8, 0.6, 0.6, 0.6, 0.4, 0.4]
 
@@ -66,7 +117,7 @@ class TestAdaptive:
 
     @given(st.lists(st.booleans(), max_size=30), st.lists(st.booleans(), max_size=30))
     def test_it_resumes(self, before, after):
-        phi, resumed = Phi("adaptive"), Phi("adaptive")
+        phi, resumed = Fitness("adaptive", "ignore", SEED), Fitness("adaptive", "ignore", SEED)
         returns = returns_of([*before, *after])
         for best_return in returns[: len(before)]:
             phi.adapt(best_return)
@@ -76,26 +127,19 @@ class TestAdaptive:
             resumed.adapt(best_return)
             assert resumed.state_dict() == phi.state_dict()
 
-    @pytest.mark.parametrize("value", [1.1, float("nan")])
-    def test_a_damaged_weight_changes_nothing(self, value):
-        phi = Phi("adaptive")
-        with pytest.raises(ValueError, match="phi` must be "):
-            phi.load_state_dict({"phi": value, "waited": 1, "best": 0.0})
-        assert phi.state_dict() == Phi("adaptive").state_dict()
-
-
-def test_a_damaged_best_return_changes_nothing():
-    phi = Phi("adaptive")
-    with pytest.raises(ValueError, match="`best` must be a number"):
-        phi.load_state_dict({"phi": 0.2, "waited": 1, "best": float("nan")})
-    assert phi.state_dict() == Phi("adaptive").state_dict()
+    @pytest.mark.parametrize("damage", [{"phi": 1.1}, {"waited": "x"}])
+    def test_a_damaged_state_changes_nothing(self, damage):
+        fitness = Fitness("adaptive", "ignore", SEED)
+        with pytest.raises(ValueError, match=next(iter(damage))):
+            fitness.load_state_dict(fitness.state_dict() | {"phi": 0.2} | damage)
+        assert fitness.weight == HIGHEST
 
 
 def test_a_fixed_one_stays():
-    phi = Phi(0.7)
+    phi = Fitness(0.7, "ignore", SEED)
     for best_return in [1.0, *[0.0] * 9]:
         phi.adapt(best_return)
-    assert phi.value == 0.7
+    assert phi.weight == 0.7
 
 
 @pytest.mark.parametrize("phi", [0, 1, 0.8, np.float32(0.5), "adaptive"])
@@ -107,6 +151,11 @@ def test_what_phi_may_be(phi):
 def test_errors_say_what_phi_may_be(phi):
     with pytest.raises(ValueError, match=r'^`phi` must be from 0 to 1, or "adaptive", got'):
         check_phi(phi)
+
+
+def draw_seed(model):
+    """The seed of the next generation's episodes."""
+    return int(model._episode_seeds.integers(2**31))
 
 
 @STRATEGIES
@@ -126,14 +175,14 @@ def test_a_generation_is_ranked_by_the_weight_that_it_leads_to(
     make_model, make_easy_maze, assert_same
 ):
     model, twin = (make_model(NSES, make_easy_maze(), phi="adaptive") for _ in range(2))
-    phi, best, lowest = Phi("adaptive"), -np.inf, HIGHEST
+    phi, best, lowest = Fitness("adaptive", "ignore", SEED), -np.inf, HIGHEST
     for _ in range(20):
-        rollouts = twin.evaluator.evaluate(twin._search.ask(), twin._episodes.draw())
+        rollouts = twin.evaluator.evaluate(twin._search.ask(), draw_seed(twin))
         phi.adapt(rollouts.returns.max())
-        lowest = min(lowest, phi.value)
+        lowest = min(lowest, phi.weight)
         best = max(best, rollouts.returns.max())
         novelty = standardize(twin._motivation.score(rollouts))
-        twin._search.tell(phi.value * standardize(rollouts.returns) + (1 - phi.value) * novelty)
+        twin._search.tell(phi.weight * standardize(rollouts.returns) + (1 - phi.weight) * novelty)
         twin._motivation.update(rollouts)
         model.learn(1, reset_num_timesteps=False)
         assert_same(model._search.state_dict(), twin._search.state_dict())
@@ -156,16 +205,16 @@ def test_while_it_is_at_its_highest_it_is_the_fixed_one(
 def test_load_takes_another(make_model, make_easy_maze, tmp_path, saved, given):
     make_model(NSES, make_easy_maze(), phi=saved).learn(3500).save(tmp_path / "model")
     loaded = NSES.load(tmp_path / "model", env=make_easy_maze(), phi=given)
-    assert loaded._fitness.phi.value == {"adaptive": HIGHEST}.get(given, given)
+    assert loaded._fitness.weight == {"adaptive": HIGHEST}.get(given, given)
 
 
 def test_another_environment_has_another_best_return(make_model, make_easy_maze, make_maze):
     model = make_model(NSES, make_easy_maze(), phi="adaptive").learn(6000)
-    before = model._fitness.phi.value
+    before = model._fitness.weight
     assert model.best_return > 0.0
     model.set_env(make_maze())
     model.learn(1, reset_num_timesteps=False)
-    assert model._fitness.phi.value > before
+    assert model._fitness.weight > before
 
 
 class UntilReward(BaseCallback):

@@ -23,11 +23,6 @@ class TestSignatures:
         for name in defaults.keys() & vars(model).keys() - {"policy", "evaluator", "action_noise"}:
             assert getattr(model, name) == getattr(twin, name) or name == "archive"
 
-    def test_stable_baselines_order_gets_one_sentence(self, algorithm, make_maze):
-        for arguments in [("MlpPolicy", make_maze()), ("MlpPolicy", HARD), ("CnnPolicy", HARD)]:
-            with pytest.raises(ValueError, match=rf"{algorithm.__name__}\(env, policy="):
-                algorithm(*arguments)
-
     def test_an_env_is_needed(self, algorithm):
         for env in (None, 3, gym.spaces.Discrete(2)):
             with pytest.raises(ValueError, match="`env` must be an environment id"):
@@ -95,16 +90,8 @@ class TestSignatures:
             pass
 
         shown = inspect.signature(Own).parameters
-        assert list(shown)[:2] == ["log_dir", "env"]
+        assert next(iter(shown)) == "log_dir"
         assert shown["env"].kind is inspect.Parameter.KEYWORD_ONLY
-
-    def test_env_may_have_a_default(self):
-        class Own(CuriosityES):
-            def __init__(self, env="CuriosityMaze-US-v0", **kwargs):
-                super().__init__(env, **kwargs)
-
-        assert next(iter(inspect.signature(Own).parameters)) == "env"
-        assert "policy" in inspect.signature(Own).parameters
 
 
 class TestFromPreset:
@@ -128,11 +115,6 @@ class TestFromPreset:
         assert given.bonus_kwargs == {"learning_rate": 1e-5, "beta": 0.2, "normalize": False}
         assert CuriosityES.from_preset("paper", HARD, bonus="rnd").bonus_kwargs == {}
 
-    def test_naming_the_bonus_that_a_preset_has_changes_nothing(self):
-        preset = CuriosityES.from_preset("paper", HARD)
-        named = CuriosityES.from_preset("paper", HARD, bonus=preset.bonus)
-        assert named.bonus_kwargs == preset.bonus_kwargs != {}
-
     def test_a_class_of_ones_own_has_the_preset_of_what_it_extends(self):
         class Own(NSES):
             def __init__(self, env, *, pace=1, **kwargs):
@@ -146,8 +128,6 @@ class TestFromPreset:
         assert NSES(HARD).preset is None
         NSES.from_preset("paper", HARD).save(tmp_path / "model")
         assert NSES.load(tmp_path / "model").preset == "paper"
-        with pytest.raises(ValueError, match="`preset` must be left as it was saved, paper"):
-            NSES.load(tmp_path / "model", preset="tuned")
 
     def test_what_it_says_nothing_of_is_refused(self):
         with pytest.raises(ValueError, match="not for Pendulum-v1"):

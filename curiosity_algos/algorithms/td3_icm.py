@@ -26,7 +26,7 @@ from curiosity_algos.evaluation.arguments import check_keywords_known, check_ord
 from curiosity_algos.evaluation.environments import describe, env_id, open_env
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.evaluation.flat_spaces import is_range
-from curiosity_algos.loops.keywords import whole_signature
+from curiosity_algos.loops.declared import whole_signature
 from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.sb3.observations import check_sb3_takes
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer

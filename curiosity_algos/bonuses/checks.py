@@ -194,6 +194,12 @@ class _AtTheEnd(Bonus):
     def update(self, *batch: th.Tensor) -> dict[str, float]:
         return {}
 
+    def state_dict(self) -> dict[str, Any]:
+        return {}
+
+    def load_state_dict(self, state: Any, strict: bool = True) -> None:
+        pass
+
 
 def check_wrapper(
     wrap: Callable[[VecEnv, Bonus], VecEnv], callback: BaseCallback | None = None

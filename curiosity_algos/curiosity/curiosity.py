@@ -236,7 +236,7 @@ class Curiosity(HasSettings):
         """
         own = self.state_dict()
         # A bonus checks its own state, and who has not trained has no metrics.
-        apart = {"bonus": None, "metrics": {}}
+        apart: dict[str, Any] = {"bonus": None, "metrics": {}}
         check_like({**state, **apart}, {**own, **apart}, "curiosity")
         try:
             self.bonus.load_state_dict(state["bonus"])

@@ -98,42 +98,24 @@ def test_damage_is_one_sentence(run, run_here, damage, tmp_path, monkeypatch):
     assert refused
 
 
-class TestStrangers:
-    def test_a_monitor_writes_over_no_file(self, run, refused, run_here, tmp_path):
-        (tmp_path / "mine.monitor.csv").write_text("mine")
-        monitor = {
-            "name": "Monitor",
-            "entry_point": "stable_baselines3.common.monitor:Monitor",
-            "kwargs": {"filename": str(tmp_path / "mine")},
-        }
-        spec = run.describe()["env_spec"]
-        describe(env_spec=spec | {"additional_wrappers": [monitor]})(run)
-        line = refused("enjoy", str(run.path), "--no-render")
-        assert "`trust` must be given" in line
-        assert "stable_baselines3.common.monitor:Monitor" in line
-        assert (tmp_path / "mine.monitor.csv").read_text() == "mine"
-        monitor["kwargs"] = {}
-        describe(env_spec=spec | {"additional_wrappers": [monitor]})(run)
-        assert run_here("enjoy", str(run.path), "--no-render")[0] == 0
-
-    @pytest.mark.parametrize("env_id", [ENV, "Theirs-v0"])
-    def test_no_module_is_imported_that_is_not_trusted(
-        self, run, refused, run_here, tmp_path, monkeypatch, env_id
-    ):
-        monkeypatch.syspath_prepend(tmp_path)
-        (tmp_path / "theirs.py").write_text(
-            "from pathlib import Path\n"
-            "from curiosity_gym.maze.maze_env import MazeEnv\n"
-            "Path('ran').touch()\n"
-            "class Theirs(MazeEnv):\n    pass\n"
-        )
-        spec = run.describe()["env_spec"] | {"id": env_id, "entry_point": "theirs:Theirs"}
-        describe(env_spec=spec)(run)
-        line = refused("enjoy", str(run.path), "--no-render")
-        assert "`trust` must be given" in line
-        assert "theirs:Theirs" in line
-        assert not pathlib.Path("ran").exists()
-        assert "theirs" not in sys.modules
-        assert run_here("enjoy", str(run.path), "--no-render", "--trust")[0] == 0
-        assert pathlib.Path("ran").exists()
-        del sys.modules["theirs"]
+@pytest.mark.parametrize("env_id", [ENV, "Theirs-v0"])
+def test_no_module_is_imported_that_is_not_trusted(
+    run, refused, run_here, tmp_path, monkeypatch, env_id
+):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "theirs.py").write_text(
+        "from pathlib import Path\n"
+        "from curiosity_gym.maze.maze_env import MazeEnv\n"
+        "Path('ran').touch()\n"
+        "class Theirs(MazeEnv):\n    pass\n"
+    )
+    spec = run.describe()["env_spec"] | {"id": env_id, "entry_point": "theirs:Theirs"}
+    describe(env_spec=spec)(run)
+    line = refused("enjoy", str(run.path), "--no-render")
+    assert "`trust` must be given" in line
+    assert "theirs:Theirs" in line
+    assert not pathlib.Path("ran").exists()
+    assert "theirs" not in sys.modules
+    assert run_here("enjoy", str(run.path), "--no-render", "--trust")[0] == 0
+    assert pathlib.Path("ran").exists()
+    del sys.modules["theirs"]

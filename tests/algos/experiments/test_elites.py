@@ -1,8 +1,5 @@
 """The archives of runs side by side."""
 
-import json
-import shutil
-
 import gymnasium as gym
 import pytest
 from ribs.archives import GridArchive
@@ -73,30 +70,3 @@ def test_the_same_cells_are_one_archive_and_elites_without_cells_are_each_labels
         "UnstructuredArchive of NSLC": ["NSLC"],
     }
     assert with_archives(runs[runs["algorithm"] == "NSES"]).empty
-
-
-@pytest.fixture
-def change(runs, tmp_path):
-    """Gives the runs of an algorithm another description of their archive."""
-
-    def change(algorithm, edit):
-        changed = runs.copy()
-        for i in runs.index[runs["algorithm"] == algorithm]:
-            changed.at[i, "files"] = Run(tmp_path / f"{i}")
-            shutil.copytree(runs.loc[i, "run"], tmp_path / f"{i}")
-            path = tmp_path / f"{i}" / "run.json"
-            described = json.loads(path.read_text())
-            edit(described)
-            path.write_text(json.dumps(described))
-        return changed[changed["label"] != "MAPElites, n_cells 5"]
-
-    return change
-
-
-def test_another_offset_is_another_archive(change):
-    runs = change(
-        "CMAME", lambda run: run["archive"]["SparseGridArchive"].update(qd_score_offset=-1.0)
-    )
-    found = panels(runs)
-    assert found["SparseGridArchive, qd_score_offset -1.0"] == ["CMAME"]
-    assert found["SparseGridArchive, qd_score_offset 0.0"] == ["MAPElites, n_cells 50"]

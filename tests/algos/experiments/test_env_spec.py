@@ -60,7 +60,10 @@ def test_what_is_not_registered_needs_trust():
 def test_wrappers_of_others_need_trust():
     encoded = encode_spec(gym.wrappers.TimeAwareObservation(gym.make("Pendulum-v1")).spec)
     (wrapper,) = encoded["additional_wrappers"]
-    for entry in ("os:system", "gymnasium:make", "gymnasium.wrappers.rendering:RecordVideo"):
+    monitor = "stable_baselines3.common.monitor:Monitor"
+    decode_spec(encoded | {"additional_wrappers": [wrapper | {"entry_point": monitor}]})
+    wrapper["kwargs"] = {"filename": "over/mine"}
+    for entry in ("os:system", "gymnasium.wrappers.rendering:RecordVideo", monitor):
         changed = encoded | {"additional_wrappers": [wrapper | {"entry_point": entry}]}
         with pytest.raises(ValueError, match=f"Pendulum-v1 would run {entry}"):
             decode_spec(changed)

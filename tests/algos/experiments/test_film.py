@@ -1,12 +1,9 @@
-import shutil
 import sys
-import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from PIL import Image
-from saved_files import no_space
 from tracked import Tracked
 
 from curiosity_algos import TD3ICM, MAPElites
@@ -109,20 +106,6 @@ def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):
     del sys.modules["my_mazes"]
 
 
-def test_an_environment_with_a_mission_needs_its_id_alone(tmp_path):
-    gym.register("Mission-v0", "toys:Toy", kwargs={"name": "mission"})
-    settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
-    for timesteps in (30, 60):
-        run = RunSpec("curiosity_es", "Mission-v0", 0, timesteps, {}, settings)
-        with warnings.catch_warnings(action="error"):
-            run.check()
-        with pytest.warns(UserWarning, match=r"'mission', Words\(\)") as warned:
-            train(run, tmp_path)
-        assert sum("mission" in str(each.message) for each in warned) == 1
-    assert play(tmp_path, seed=0) == RunFolder(tmp_path).result()["best_return"]
-    del gym.registry["Mission-v0"]
-
-
 @pytest.mark.extra("render")
 def test_a_run_of_an_environment_with_a_window_is_played(tmp_path, make_model, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
@@ -145,23 +128,6 @@ def test_what_cannot_be_made_again_must_be_given(tmp_path, make_model):
     assert play(tmp_path, seed=0, env=make_env()) == model.best_return == 5.0
     env = make_env(render_mode="rgb_array")
     assert film(tmp_path, tmp_path / "best.gif", stride=50, seed=0, env=env) == 5.0
-
-
-def test_a_run_that_takes_a_checkpoint_meanwhile_is_played(folder, tmp_path, monkeypatch):
-    shutil.copytree(folder, tmp_path / "run")
-    last = RunFolder(tmp_path / "run").checkpoint
-    found = iter([last.with_name("1"), *[last] * 9])  # one that has been replaced since
-    monkeypatch.setattr(RunFolder, "checkpoint", property(lambda self: next(found)))
-    assert play(tmp_path / "run", seed=0) == play(tmp_path / "run", seed=0)
-
-
-def test_a_full_disk_leaves_the_film_before(folder, tmp_path, monkeypatch):
-    path = tmp_path / "best.gif"
-    path.write_bytes(b"before")
-    monkeypatch.setattr("os.fsync", no_space)
-    with pytest.raises(OSError, match="No space left"):
-        film(folder, path, stride=60, seed=0)
-    assert path.read_bytes() == b"before"
 
 
 def test_what_cannot_be_filmed_is_refused(folder, tmp_path):

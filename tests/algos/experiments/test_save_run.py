@@ -173,13 +173,6 @@ class TestFolder:
                 other.learn(600, SaveRun(folder))
         assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
-    def test_one_with_other_files_is_refused(self, make_model, make_easy_maze, folder):
-        folder.mkdir()
-        (folder / "notes.txt").write_text("mine")
-        with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
-            make_model(CuriosityES, make_easy_maze()).learn(1, SaveRun(folder))
-        assert [path.name for path in folder.iterdir()] == ["notes.txt"]
-
 
 def test_a_monitor_must_see_the_episodes(folder):
     envs = DummyVecEnv([lambda: gym.make("Pendulum-v1", max_episode_steps=20)])

@@ -102,7 +102,8 @@ REFERENCE = documented()
 TAKERS = {
     path: each
     for path, each in REFERENCE.items()
-    if (inspect.isclass(each) and not issubclass(each, Exception)) or "Args:" in each.__doc__
+    if (inspect.isclass(each) and not issubclass(each, Exception))
+    or "Args:" in (each.__doc__ or "")
 }
 """Of which arguments must be described: classes, and functions that describe any."""
 

@@ -25,8 +25,6 @@ OF_NO_SIZE = spaces.Graph, spaces.OneOf, spaces.Sequence
 """Spaces whose values differ in size."""
 MAX_ENTRIES = 4096
 """Most numbers of an observation that is no vector: 64 by 64 pixels of gray."""
-LARGEST_INTEGER = 2**24
-"""Float32 tells all whole numbers apart up to here."""
 
 
 def is_vector(space: Space) -> TypeGuard[spaces.Box[Any]]:

@@ -17,7 +17,6 @@ from gymnasium import spaces
 
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.evaluation.flat_spaces import (
-    LARGEST_INTEGER,
     MAX_ENTRIES,
     FlatActions,
     FlatObservations,
@@ -64,8 +63,8 @@ def build_mlp(
 
     Raises:
         ValueError: If a space is not supported: an observation that `FlatObservations` does not
-            take or flattens to more than `MAX_ENTRIES` numbers, or a Box of actions without bounds,
-            or of integers that float32 does not tell apart; if a layer's width is out of range.
+            take or flattens to more than `MAX_ENTRIES` numbers, or a Box of actions without bounds;
+            if a layer's width is out of range.
     """
     for width in net_arch:
         check_at_least_one(net_arch=width)
@@ -92,16 +91,14 @@ def _output_range(action_space: spaces.Space[Any]) -> tuple[Float64Array, Float6
     if not isinstance(action_space, spaces.Box):
         n = spaces.flatdim(action_space)
         return np.zeros(n), np.ones(n), True
-    low, high = action_space.low.ravel(), action_space.high.ravel()
-    low, high = low.astype(np.float64), high.astype(np.float64)
-    fits = np.issubdtype(action_space.dtype, np.floating)
-    if np.issubdtype(action_space.dtype, np.integer):
-        fits = max(-low.min(), high.max()) <= LARGEST_INTEGER
-    if not (fits and action_space.is_bounded()):
+    if not (action_space.is_bounded() and np.issubdtype(action_space.dtype, np.number)):
         raise ValueError(
-            f"The action space {action_space} is not supported: a Box must be bounded, of floats "
-            "or of integers up to 2^24 (gymnasium.wrappers.TransformAction can give it bounds)."
+            f"The action space {action_space} is not supported: a Box must be bounded, of numbers "
+            "(gymnasium.wrappers.TransformAction can give it bounds)."
         )
+    low, high = (
+        bound.ravel().astype(np.float64) for bound in (action_space.low, action_space.high)
+    )
     return low, high, False
 
 

@@ -105,8 +105,7 @@ class TestErrors:
             (spaces.Box(0, 255, (84, 84, 3), np.uint8), box(2), [], "at most 4096 entries"),
             (spaces.Dict(a=spaces.Discrete(4000), b=box(97)), box(2), [], "at most 4096 entries"),
             (box(2), spaces.Box(-np.inf, np.inf, (2, 2)), [], "a Box must be bounded"),
-            (box(2), spaces.Box(-(2**24) - 1, 0, (2,), np.int64), [], "a Box must be bounded"),
-            (box(2), spaces.Box(0, 1, (2,), np.bool_), [], "a Box must be bounded, of floats"),
+            (box(2), spaces.Box(0, 1, (2,), np.bool_), [], "a Box must be bounded, of numbers"),
             (box(2), box(2), [32, -1], "`net_arch` must be a whole number"),
         ],
     )

@@ -6,7 +6,7 @@ from functools import partial
 
 import gymnasium as gym
 import pytest
-from gymnasium.wrappers import RecordEpisodeStatistics, RecordVideo
+from gymnasium.wrappers import RecordEpisodeStatistics
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor, load_results
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecMonitor
@@ -95,13 +95,3 @@ def test_recorders_of_gymnasium_see_every_episode(task, n_envs, make_model):
     assert max(max(each.return_queue) for each in recorders) == pytest.approx(
         model.best_return, abs=1e-5
     )
-
-
-@pytest.mark.extra("render")
-@pytest.mark.parametrize("task", [STEPPED, COMPILED[0]], ids=str)
-def test_a_video_is_of_what_is_played(task, make_model, tmp_path):
-    made = gym.make(task[0], render_mode="rgb_array", **task[1])
-    env = RecordVideo(made, str(tmp_path), episode_trigger=lambda episode: episode == 2)
-    make_model(CanonicalES, env).learn(1)
-    env.close()
-    assert [path.suffix for path in tmp_path.iterdir()] == [".mp4"]

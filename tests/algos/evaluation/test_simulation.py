@@ -162,14 +162,6 @@ def test_a_failed_simulation_ends_the_evaluation_and_not_the_next():
         np.testing.assert_array_equal(rollouts.behaviors, expected.behaviors[:n])
 
 
-def test_many_individuals_are_played_in_waves(monkeypatch, assert_same_rollouts):
-    env, mlp, parameters = make("Stacker", 11, success_threshold=1e-45, horizon=60)
-    whole = evaluate(env, mlp, parameters)
-    monkeypatch.setattr(simulation, "MAX_SIMULATIONS", 4)
-    assert_same_rollouts(whole, evaluate(env, mlp, parameters))
-    assert whole.success.any()
-
-
 def test_an_evaluation_leaves_the_next_alone(assert_same_rollouts):
     env, mlp, parameters = make("Finger", 6, horizon=100)
     evaluator = SimulationEvaluator(known_task(env), mlp)

@@ -2,7 +2,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
-from gymnasium.envs.classic_control import CartPoleEnv, PendulumEnv
+from gymnasium.envs.classic_control import PendulumEnv
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnvWrapper
@@ -164,11 +164,6 @@ class TestLength:
         finally:
             env.close()
         np.testing.assert_array_equal(rollouts.lengths, 60)
-
-    def test_an_env_without_a_limit_may_end_by_itself(self):
-        mlp, _ = make_policies(CartPoleEnv())
-        parameters = np.zeros((3, mlp.n_parameters), dtype=np.float32)
-        assert (VectorEvaluator(CartPoleEnv(), mlp).evaluate(parameters, 0).lengths < 50).all()
 
 
 class Odd(gym.Env):

@@ -96,10 +96,8 @@ def _output_range(action_space: spaces.Space[Any]) -> tuple[Float64Array, Float6
             f"The action space {action_space} is not supported: a Box must be bounded, of numbers "
             "(gymnasium.wrappers.TransformAction can give it bounds)."
         )
-    low, high = (
-        bound.ravel().astype(np.float64) for bound in (action_space.low, action_space.high)
-    )
-    return low, high, False
+    low, high = action_space.low.ravel(), action_space.high.ravel()
+    return low.astype(np.float64), high.astype(np.float64), False
 
 
 @compiled

@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.collections import QuadMesh
 from PIL import Image
 
 from benchmarks import (
@@ -20,7 +19,6 @@ from benchmarks import (
     results,
     tables,
     unseen,
-    whereabouts,
 )
 from curiosity_algos import CanonicalES
 from curiosity_algos.experiments import (
@@ -215,23 +213,6 @@ def test_the_opening_shows_where_episodes_ended(tmp_path, monkeypatch):
         with Image.open(tmp_path / f"{name}.gif") as image:
             assert image.n_frames == 3
         assert (figures.IMAGES / f"{name}.gif").is_file()
-
-
-@pytest.mark.extra("locomotion")
-@pytest.mark.nightly
-def test_the_whereabouts_are_all_ends_of_all_runs(tmp_path):
-    env = gym.make(learning.WORLDS[0], horizon=5)
-    for seed in (0, 1):
-        model = CanonicalES(env, population_size=4, seed=seed)
-        model.learn(40, callback=SaveRun(tmp_path / f"run {seed}" / "run"))
-        whereabouts.main(tmp_path / f"run {seed}", tmp_path, tmp_path)
-    counts = whereabouts.read_counts(tmp_path / whereabouts.FILE)
-    (squares,) = whereabouts.draw(counts).axes[0].findobj(QuadMesh)
-    n_episodes = sum(len(load_final_states(tmp_path / f"run {i}/run")["return"]) for i in (0, 1))
-    assert squares.get_array().sum() == sum(map(np.sum, counts.values())) == n_episodes == 16
-    assert len(counts) == 2
-    assert (tmp_path / "whereabouts.png").is_file()
-    assert (figures.IMAGES / "whereabouts.png").is_file()
 
 
 @pytest.mark.nightly

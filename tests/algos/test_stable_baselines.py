@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import sb3_contrib
 import stable_baselines3
-from logs import read_log
 from sb3_contrib.common.maskable.callbacks import MaskableEvalCallback
 from stable_baselines3.common.callbacks import (
     BaseCallback,
@@ -25,7 +24,6 @@ from stable_baselines3.common.callbacks import (
     StopTrainingOnRewardThreshold,
 )
 from stable_baselines3.common.evaluation import evaluate_policy
-from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
@@ -73,14 +71,6 @@ def test_checkpoints_are_loadable(make_model, make_easy_maze, tmp_path):
         assert f"_{CuriosityES.load(path).num_timesteps}_" in path.name
 
 
-def test_tensorboard_gets_a_folder_for_each_run(make_model, make_maze, tmp_path):
-    pytest.importorskip("tensorboard")
-    model = make_model(CuriosityES, make_maze(), tensorboard_log=str(tmp_path))
-    model.learn(1)
-    model.learn(1)
-    assert {path.name for path in tmp_path.iterdir()} == {"CuriosityES_1", "CuriosityES_2"}
-
-
 def exported(package):
     """Every callback in the modules of a package."""
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
@@ -124,15 +114,6 @@ def test_every_callback_works(make_model, make_easy_maze, tmp_path, monkeypatch,
     model = make_model(CuriosityES, make_easy_maze()).learn(600, callback=made)
     assert model.num_timesteps > 0
     assert made.n_calls > 0
-
-
-def test_logs_come_every_so_many_timesteps(make_model, make_maze, tmp_path):
-    model = make_model(CuriosityES, make_maze())
-    model.set_logger(configure(str(tmp_path), ["json"]))
-    model.learn(1200, callback=LogEveryNTimesteps(600), log_interval=None)
-    rows = read_log(tmp_path)
-    assert [row["time/total_timesteps"] for row in rows] == [600, 1200]
-    assert {"rollout/ep_rew_mean", "rollout/ep_len_mean", "coverage/all"} <= rows[0].keys()
 
 
 def test_callbacks_find_episodes_and_progress(make_model, make_maze):

@@ -48,14 +48,14 @@ def _since(before):
 
 def opened():
     """Files, figures, threads and processes that a test must close, end or wait for."""
-    threads = {each for each in threading.enumerate() if not each.daemon and not _is_pooled(each)}
+    threads = {
+        each
+        for each in threading.enumerate()  # those of a pool end with it, if not before
+        if not each.daemon and not each.name.startswith("ThreadPoolExecutor")
+    }
     pyplot = sys.modules.get("matplotlib.pyplot")
     figures = {f"figure {number} of pyplot" for number in pyplot.get_fignums()} if pyplot else set()
     return files() | figures | threads | set(multiprocessing.active_children())
-
-
-def _is_pooled(thread):
-    return thread.name.startswith("ThreadPoolExecutor")  # ends with its pool, if not before
 
 
 def files():

@@ -83,7 +83,8 @@ def export_minari(
         chosen = read_policies(opened, policies, env).select(n_policies)
         about = _describe(opened.description, env.spec, policies, chosen)
         _write(Path(folder, "dataset"), env, chosen, {"dataset_id": dataset_id, **about})
-        _publish(Path(folder, "dataset"), target, dataset_id)
+        _create_namespace(dataset_id)
+        os.rename(Path(folder, "dataset"), target)
     return minari.load_dataset(dataset_id)
 
 
@@ -130,15 +131,12 @@ def _new_path(dataset_id: str) -> Path:
     return target
 
 
-def _publish(whole: Path, target: Path, dataset_id: str) -> None:
-    """Move a dataset into its namespace."""
-    from minari.dataset.minari_dataset import parse_dataset_id
+def _create_namespace(dataset_id: str) -> None:
     from minari.namespace import create_namespace, list_local_namespaces
 
-    namespace = parse_dataset_id(dataset_id)[0]
-    if namespace is not None and namespace not in list_local_namespaces():
+    namespace, _, _ = dataset_id.rpartition("/")
+    if namespace and namespace not in list_local_namespaces():
         create_namespace(namespace)
-    os.rename(whole, target)
 
 
 def _describe(

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
+from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.experiments.elites import n_elites, qd_score
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.measures import (
@@ -34,7 +33,6 @@ from curiosity_gym.maze.maze_env import MazeEnv
 PlotlyFigure: TypeAlias = dict[str, Any]
 """`data` and `layout` of a figure."""
 Properties: TypeAlias = dict[str, Any]
-"""Properties of a trace, an axis or a layout."""
 Panel: TypeAlias = tuple[str, Measure, str]
 """The title of an axis, its measure, and the format of its ticks."""
 
@@ -152,8 +150,7 @@ def evenly(n: int, most: int) -> Int64Array:
 # -- maps -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(NamedTuple):
     """A rectangle of the first two entries of the behavior.
 
     Attributes:
@@ -167,13 +164,6 @@ class Plane:
     high: Float64Array
     names: tuple[str, ...]
     maze: MazeEnv | None = None
-
-    def cells(self, points: Array) -> Int64Array:
-        """Flat indices (n,) of the cells nearest to points (n, 2), row by row from below."""
-        shares = (points - self.low) / (self.high - self.low)
-        columns, rows = np.clip(shares * N_CELLS, 0, N_CELLS - 1).astype(np.int64).T
-        flat: Int64Array = rows * N_CELLS + columns
-        return flat
 
 
 def plane_of(runs: pd.DataFrame) -> Plane | None:
@@ -193,7 +183,7 @@ def plane_of(runs: pd.DataFrame) -> Plane | None:
 
 
 def _maze_of(described: dict[str, Any]) -> MazeEnv | None:
-    """The maze of a run; None if its environment is another, or is not registered."""
+    """The maze of a run, if that is its environment, and is known here."""
     try:
         with closing(make_env(described, trust=False)) as wrapped:
             env = wrapped.unwrapped
@@ -212,14 +202,16 @@ def _ends(run: Run) -> tuple[Float64Array, Float64Array]:
 
 def draw_map(runs: pd.DataFrame, plane: Plane, longest: float) -> PlotlyFigure:
     """The cells in which episodes ended, colored by the first of any run, up to `longest` steps."""
-    first = np.full(N_CELLS * N_CELLS, np.nan, dtype=np.float32)
+    first = np.full((N_CELLS, N_CELLS), np.nan, dtype=np.float32)  # rows from below
     for points, timesteps in map(_ends, runs["files"]):
-        np.fmin.at(first, plane.cells(points), timesteps)
+        shares = (points - plane.low) / (plane.high - plane.low)
+        columns, rows = np.clip(shares * N_CELLS, 0, N_CELLS - 1).astype(np.int64).T
+        np.fmin.at(first, (rows, columns), timesteps)
     width, height = ((plane.high - plane.low) / N_CELLS).tolist()
     x_name, y_name = plane.names
     cells = {
         "type": "heatmap",
-        "z": first.reshape(N_CELLS, N_CELLS),
+        "z": first,
         **{"x0": plane.low[0] + width / 2, "dx": width},
         **{"y0": plane.low[1] + height / 2, "dy": height},
         **{"zmin": 0.0, "zmax": longest, "colorscale": SCALE, "showscale": False},

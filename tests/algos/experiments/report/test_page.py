@@ -1,4 +1,3 @@
-import base64
 import json
 import re
 import shutil
@@ -164,18 +163,6 @@ def test_a_task_of_costs_has_no_count(runs_folder, report):
     text = report(*(runs_folder / "MAPElites").glob("Mountain*"))
     assert first_row(text)["Runs with a success"] == "\N{EN DASH}"
     assert "runs without" not in str(figures(text))
-
-
-def test_a_mean_ends_with_the_shortest_run(runs_folder, tmp_path, report):
-    shutil.copytree(runs_folder / "NSES", tmp_path / "runs")
-    (log,) = (tmp_path / "runs").glob("*/1/progress.csv")
-    rows = log.read_text().splitlines()
-    log.write_text("\n".join([*rows[:3], ""]))
-    end = float(rows[2].split(",")[rows[0].split(",").index("time/total_timesteps")])
-    traces = figures(report(tmp_path / "runs"))["figure-0"]["data"]
-    (mean,) = [each for each in traces if each["yaxis"] == "y" and each.get("showlegend")]
-    x = np.frombuffer(base64.b64decode(mean["x"]["bdata"]), dtype=mean["x"]["dtype"])
-    assert x[-1] == pytest.approx(end)
 
 
 def test_rows_of_other_callbacks_are_left_out(runs_folder, tmp_path, report):

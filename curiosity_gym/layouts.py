@@ -29,8 +29,7 @@ GOAL_RADIUS = 2.0
 class MazeLayout:
     """An immutable maze: a rectangular world, axis-aligned walls, a start and a goal.
 
-    Two layouts are equal when all their fields are. Walls may overlap each other and stick out of
-    the world: they are clipped to it, and those wholly outside are dropped.
+    Walls may overlap each other and stick out of the world: they are clipped to it.
 
     Args:
         name: What the maze is called.
@@ -146,7 +145,7 @@ def closest_approach(layout: MazeLayout) -> float:
 
 
 def are_free(layout: MazeLayout, places: Float64Array, margin: float) -> Mask:
-    """Whether places (k, 2) are a margin or more away from every wall and from the border, (k,)."""
+    """Whether places (k, 2) are at least a margin away from every wall and the border, (k,)."""
     limit = np.array([layout.width, layout.height]) - margin
     in_world = np.all((places >= margin) & (places <= limit), axis=1)
     low, high = layout.walls[:, :2] - margin, layout.walls[:, :2] + layout.walls[:, 2:] + margin
@@ -227,15 +226,13 @@ def _check_goal(layout: MazeLayout) -> None:
 
 
 def _check_rows(rows: list[str]) -> None:
-    lengths = sorted({len(row) for row in rows})
-    if len(lengths) != 1:
-        raise ValueError(f"layout rows must have one length, got lengths {lengths}.")
     text = "".join(rows)
-    if unknown := sorted(set(text) - set("#.SG")):
-        raise ValueError(f"layout text may hold only '#', '.', 'S' and 'G', got {unknown}.")
-    for letter in "SG":
-        if text.count(letter) != 1:
-            raise ValueError(f"layout text must hold one {letter!r}, got {text.count(letter)}.")
+    is_drawing = len({*map(len, rows)}) == 1 and set(text) <= set("#.SG")
+    if not is_drawing or (text.count("S"), text.count("G")) != (1, 1):
+        raise ValueError(
+            "layout text must have rows of one length, of '#' and '.', one 'S' and one 'G', got "
+            f"{rows[::-1]!r:.200}."
+        )
 
 
 def _center_of(letter: str, rows: list[str], cell_size: float) -> tuple[float, float]:

@@ -26,7 +26,7 @@ FURTHER_GEOMS = 1000
 
 
 class MujocoViewer:
-    """Draws simulations of one model, from its first camera, or one of its own.
+    """Draws simulations of one model from its first camera, or one of its own.
 
     `width` and `height` are those of a frame (pixels).
 

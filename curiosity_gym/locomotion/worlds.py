@@ -29,12 +29,9 @@ COLOR, GOAL_COLOR = (0.6, 0.45, 0.3, 1.0), (0.2, 0.8, 0.3, 0.6)
 
 _TRAP = np.array([(19.5, 11.5, 1.0, 7.0), (14.5, 17.5, 6.0, 1.0), (14.5, 11.5, 6.0, 1.0)])
 TRAP = MazeLayout("trap", 40.0, 30.0, start=(8.0, 15.0), goal=(26.0, 15.0), walls=_TRAP)
-"""A U between start and goal, open towards the start: who makes for the goal gets stuck in it.
+"""A U between start and goal, open towards the start, with walls where QDax has them for its ant.
 
-The walls are where QDax had them for its ant, 12 m ahead. It took the idea from Conti et al. 2018,
-"Improving Exploration in Evolution Strategies for Deep Reinforcement Learning via a Population of
-Novelty-Seeking Agents" (https://arxiv.org/abs/1712.06560). Theirs are capsules in an open field;
-these are boxes, there is a border, and a goal behind the U.
+After Conti et al. 2018, https://arxiv.org/abs/1712.06560.
 """
 _SMALL_TRAP = np.array([(9.5, 6.0, 0.5, 4.0), (7.0, 9.5, 2.5, 0.5), (7.0, 6.0, 2.5, 0.5)])
 SMALL_TRAP = MazeLayout(
@@ -43,11 +40,7 @@ SMALL_TRAP = MazeLayout(
 """The same for a humanoid, whose steps take a third of the time of an ant's: at half the size."""
 _MAZE = np.array([(12.0, 0.0, 0.5, 12.0), (7.5, 6.0, 4.5, 0.5), (7.0, 12.5, 0.5, 9.5)])
 MAZE = MazeLayout("maze", 22.0, 22.0, start=(2.5, 2.5), goal=(19.5, 2.5), walls=_MAZE)
-"""A wall between start and goal that ends far up, and two more that lead astray.
-
-After QDax's `antmaze`, at half its size: what lasted 50 seconds there, a thousand steps of
-Gymnasium's ant do.
-"""
+"""QDax's `antmaze` at half its size: a wall between start and goal, and two that lead astray."""
 WORLDS = {layout.name: layout for layout in (TRAP, SMALL_TRAP, MAZE)}
 
 

@@ -17,9 +17,8 @@ from curiosity_gym.core import Float64Array, entry_names
 BehaviorFunction: TypeAlias = Callable[[gym.Env[Any, Any], Any, dict[str, Any]], npt.ArrayLike]
 """`behavior(env, observation, info)`: the behavior of an episode that stands there, (B,).
 
-It must be pure: the same arguments give the same behavior, whatever was asked before. All copies of
-an environment call the one function, so that what it remembers (in a closure, a global) mixes their
-episodes. A `BehaviorAccumulator` remembers for each environment apart.
+It must be pure, as all copies of an environment call the one function: what it remembers would mix
+their episodes. A `BehaviorAccumulator` remembers for each environment apart.
 """
 
 
@@ -91,10 +90,8 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     Args:
         env: The environment.
-        behavior: `behavior(env, observation, info)`, a pure function that returns an array of B
-            finite numbers; `env` is the wrapped environment. Or a `BehaviorAccumulator`, of which
-            the environment gets a copy of its own. A function or a class of a module, if the
-            environment shall be pickled.
+        behavior: A `BehaviorFunction` that returns B finite numbers, or a `BehaviorAccumulator`, of
+            which the environment gets a copy. One of a module, if the environment shall be pickled.
         behavior_space: A `Box` of shape (B,), the bounds of the behavior, each `low` below its
             `high`.
         behavior_names: B names with units, such as "x (m)", for axes and tables; None: it has none.

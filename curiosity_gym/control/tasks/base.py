@@ -59,6 +59,7 @@ class ControlTask:
     def __init__(self, *, random_start: bool = False) -> None:
         check_bool(random_start=random_start)
         self.draws = bool(random_start)
+        self.moving_target = self.target if random_start else None
         # The package before its module: two threads would wait for each other's import.
         names = ("mujoco", "dm_control.suite", f"dm_control.suite.{self.domain}")
         mujoco, _, suite = import_extra("control", *names)
@@ -70,12 +71,9 @@ class ControlTask:
         self.observation_space = spaces.Box(-np.inf, np.inf, (self.n_observations,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (self.n_actions,), np.float32)
         self._prepare(self.model)
-        self.coverage_grid = CoverageGrid(
-            tuple(range(len(self.behavior_low))),
-            self.behavior_low,
-            self.behavior_high,
-            projections=self.projections,
-        )
+        bounds = self.behavior_low, self.behavior_high
+        dimensions = tuple(range(len(self.behavior_low)))
+        self.coverage_grid = CoverageGrid(dimensions, *bounds, projections=self.projections)
 
     def __eq__(self, other: object) -> bool:
         """Equal tasks begin, observe and succeed alike."""
@@ -114,11 +112,6 @@ class ControlTask:
         if self.moving_target is None:
             return state
         return np.append(state, getattr(model, self.moving_target)("target").pos)
-
-    @property
-    def moving_target(self) -> str | None:
-        """`target`; None where every episode has it in the same place."""
-        return self.target if self.draws else None
 
     @abstractmethod
     def make_suite_task(self, random: np.random.RandomState) -> Any:

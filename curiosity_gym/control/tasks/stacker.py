@@ -10,7 +10,7 @@ import numpy as np
 from curiosity_gym.control.tasks.base import ControlTask, Fields, norm
 from curiosity_gym.core import Float32Array, Float64Array, Mask
 from curiosity_gym.extras import import_extra
-from curiosity_gym.validation import check_positive
+from curiosity_gym.validation import check_positive, check_share
 
 if TYPE_CHECKING:
     import mujoco
@@ -79,34 +79,21 @@ class Stacker(ControlTask):
     behavior_high = np.array([1.0, 1.0])
 
     JOINTS = (
-        "arm_root",
-        "arm_shoulder",
-        "arm_elbow",
-        "arm_wrist",
-        "finger",
-        "fingertip",
-        "thumb",
-        "thumbtip",
+        *("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist"),
+        *("finger", "fingertip", "thumb", "thumbtip"),
     )
 
     def __init__(self, success_threshold: float = 0.1, *, random_start: bool = False) -> None:
         check_positive(success_threshold=success_threshold)
-        if success_threshold > 1.0:
-            raise ValueError(
-                f"`success_threshold` must be above 0 and at most 1, got {success_threshold!r}."
-            )
+        check_share(success_threshold=success_threshold)
         self.success_threshold = float(success_threshold)
         super().__init__(random_start=random_start)
         (rewards,) = import_extra("control", "dm_control.utils.rewards")
         self._tolerance = rewards.tolerance
 
     def __eq__(self, other: object) -> bool:
-        """Equal tasks have the same threshold too."""
-        return (
-            isinstance(other, Stacker)
-            and super().__eq__(other)
-            and self.success_threshold == other.success_threshold
-        )
+        own = self.success_threshold
+        return super().__eq__(other) and own == getattr(other, "success_threshold", None)
 
     def _source(self, suite: Any) -> tuple[str, Mapping[str, bytes]]:
         xml, assets = suite.make_model(1)

@@ -38,9 +38,8 @@ class LocomotionTask:
 
     Args:
         env: Gymnasium's environment: its model and options are taken over.
-        behavior: "position": x, and y where the robot can leave its plane (m). "feet": the share of
-            the episode's steps at whose end each foot touched something. None: there is none.
-        world: Walls and a goal, in a task of two dimensions; None: open ground.
+        behavior: As in `LocomotionEnv`; None: there is none.
+        world: Walls and a goal; None: open ground.
 
     Attributes:
         model: The compiled MuJoCo model.
@@ -209,14 +208,7 @@ class LocomotionTask:
     def reward(
         self, fields: Fields, speed: Float64Array, actions: Float32Array, healthy: Mask
     ) -> tuple[Float64Array, Values]:
-        """The rewards (k,) of a step, and what the info tells of them.
-
-        Args:
-            fields: After the step.
-            speed: (k,), see `speed`.
-            actions: (k, n_actions).
-            healthy: (k,).
-        """
+        """The rewards (k,) of a step that led to `fields`, and what the info tells of them."""
         gains: Values = {"reward_forward": self.forward_reward_weight * speed}
         if "healthy_reward" in self.options:
             gains["reward_survive"] = healthy * self.healthy_reward

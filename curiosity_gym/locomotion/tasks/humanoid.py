@@ -35,16 +35,8 @@ class Humanoid(LocomotionTask):
         "include_cfrc_ext_in_observation",
     )
     fields = (
-        "qpos",
-        "qvel",
-        "xipos",
-        "cinert",
-        "cvel",
-        "qfrc_actuator",
-        "cfrc_ext",
-        "ctrl",
-        "ten_length",
-        "ten_velocity",
+        *("qpos", "qvel", "xipos", "cinert", "cvel", "qfrc_actuator", "cfrc_ext", "ctrl"),
+        *("ten_length", "ten_velocity"),
     )
     feet: ClassVar[Mapping[str, str]] = {"right_foot": "right foot", "left_foot": "left foot"}
     walks_around = True

@@ -13,6 +13,8 @@ from gymnasium import spaces
 from curiosity_gym.core import CoverageGrid, Float64Array, FloatArray, Frame, Mask
 
 Ids = npt.NDArray[np.int64]
+Rngs = Sequence[np.random.Generator]
+Options = dict[str, Any] | None
 Values = dict[str, Any]
 """Entries of infos by name: arrays (k, ...)."""
 
@@ -45,12 +47,7 @@ class BaseSimulation:
         """N simulations of the same task; None: as many threads as there are processors."""
 
     @abstractmethod
-    def reset(
-        self,
-        ids: Ids | None = None,
-        rngs: Sequence[np.random.Generator] = (),
-        options: dict[str, Any] | None = None,
-    ) -> None:
+    def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
         """Begin the episodes of `ids`, sorted, None: all; the others stay as they are.
 
         Random starts are drawn from `rngs`, one for each of `ids`, or one for all of them, which

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +14,7 @@ from curiosity_gym.core import Float64Array, FloatArray, Mask, SimulationError
 from curiosity_gym.extras import import_extra
 from curiosity_gym.forks import keep_in_children
 from curiosity_gym.processors import available_cpus
-from curiosity_gym.simulation import Ids, MujocoSimulation, Values
+from curiosity_gym.simulation import Ids, MujocoSimulation, Options, Rngs, Values
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -50,12 +49,7 @@ class Simulation(MujocoSimulation):
         view: Float64Array = targets[:, getattr(self.task.model, kind)("target").id]
         return view
 
-    def reset(
-        self,
-        ids: Ids | None = None,
-        rngs: Sequence[np.random.Generator] = (),
-        options: dict[str, Any] | None = None,
-    ) -> None:
+    def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
         self._stay_in_process()
         ids, rows = self._select(ids)
         starts = self._start

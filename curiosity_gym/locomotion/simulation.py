@@ -16,7 +16,7 @@ from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.core import Float64Array, FloatArray, Mask
 from curiosity_gym.extras import import_extra
 from curiosity_gym.locomotion.tasks import LocomotionTask
-from curiosity_gym.simulation import Ids, MujocoSimulation, Values
+from curiosity_gym.simulation import Ids, MujocoSimulation, Options, Rngs, Values
 
 SLICES_PER_THREAD = 4
 """More slices than threads, as a robot that has fallen has more contacts than one that stands."""
@@ -51,12 +51,7 @@ class LocomotionSimulation(MujocoSimulation):
     def _rows(self, rows: Any) -> SimpleNamespace:
         return SimpleNamespace(**{name: array[rows] for name, array in self._fields.items()})
 
-    def reset(
-        self,
-        ids: Ids | None = None,
-        rngs: Sequence[np.random.Generator] = (),
-        options: dict[str, Any] | None = None,
-    ) -> None:
+    def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
         ids = np.arange(self.n) if ids is None else ids
         starts = [self.task.draw(rng) for rng in rngs]
         if len(starts) == 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout, are_free, reachable_cells
 from curiosity_gym.maze.dynamics import DT, MARGIN, N_BASE_FEATURES, Maze, observe, step
-from curiosity_gym.simulation import BaseSimulation, Ids, Values
+from curiosity_gym.simulation import BaseSimulation, Ids, Options, Rngs, Values
 
 ENVS_PER_THREAD = 128
 """Least number of robots a thread: handing fewer over costs more than stepping them."""
@@ -46,14 +45,7 @@ def _observe(maze: Maze, ids: Ids, states: Float64Array, observations: Float32Ar
 
 
 class MazeSimulation(BaseSimulation):
-    """n robots in the same maze.
-
-    Args:
-        layout: The maze.
-        maze: The same, for the compiled functions.
-        lidar_range: Reach of the beams (maze units).
-        n: Number of robots.
-        n_threads: At least 1; None: as many as there are processors. Results do not depend on it.
+    """n robots in one maze, which `maze` has for the compiled functions.
 
     Attributes:
         states: (n, 4) x, y, vx, vy.
@@ -93,23 +85,14 @@ class MazeSimulation(BaseSimulation):
     def replicate(self, n: int, n_threads: int | None) -> MazeSimulation:
         return MazeSimulation(self.layout, self.maze, self.lidar_range, n, n_threads)
 
-    def reset(
-        self,
-        ids: Ids | None = None,
-        rngs: Sequence[np.random.Generator] = (),
-        options: dict[str, Any] | None = None,
-    ) -> None:
-        """See `BaseSimulation`; the options may hold a `state` to begin at, x, y, vx, vy.
-
-        Raises:
-            ValueError: If that is not four finite numbers, too fast, or inside a wall.
-        """
+    def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
+        """See `BaseSimulation`; the options may hold a `state` to begin at, x, y, vx, vy."""
         ids = self._all if ids is None else ids
         self.states[ids] = self._start(options)
         self.success[ids] = False
         _observe(self.maze, ids, self.states, self.observations)
 
-    def _start(self, options: dict[str, Any] | None) -> Float64Array:
+    def _start(self, options: Options) -> Float64Array:
         if not options or options.get("state") is None:
             return self.maze.start
         state = np.array(options["state"], dtype=np.float64)

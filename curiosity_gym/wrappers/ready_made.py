@@ -147,9 +147,7 @@ def _make_robotics(env_id: str, **kwargs: Any) -> BareEnv:
     return _StableMaze(gym.make(env_id, **kwargs).unwrapped)
 
 
-def _make_control(
-    env_id: str, *, task_kwargs: dict[str, Any] | None = None, **kwargs: Any
-) -> BareEnv:
+def _make_control(env_id: str, task_kwargs: Any = None, **kwargs: Any) -> BareEnv:
     import_extra("control", "dm_control.suite", "shimmy")
     task_kwargs = {"time_limit": math.inf, **(task_kwargs or {})}
     return gym.make(env_id, task_kwargs=task_kwargs, **kwargs).unwrapped

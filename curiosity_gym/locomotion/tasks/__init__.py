@@ -9,18 +9,7 @@ from curiosity_gym.locomotion.tasks.base import BEHAVIORS, LocomotionTask
 from curiosity_gym.locomotion.tasks.humanoid import Humanoid
 from curiosity_gym.locomotion.tasks.planar import HalfCheetah, Hopper, Swimmer, Walker2d
 
-__all__ = [
-    "BEHAVIORS",
-    "TASKS",
-    "Ant",
-    "HalfCheetah",
-    "Hopper",
-    "Humanoid",
-    "LocomotionTask",
-    "Swimmer",
-    "Walker2d",
-    "task_class",
-]
+__all__ = ["BEHAVIORS", "TASKS", "LocomotionTask", "task_class"]
 
 TASKS: dict[str, type[LocomotionTask]] = {
     task.env_id: task for task in (Ant, HalfCheetah, Hopper, Humanoid, Swimmer, Walker2d)

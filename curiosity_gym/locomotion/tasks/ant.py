@@ -22,15 +22,6 @@ class Ant(LocomotionTask):
 
     env_id = "Ant-v5"
     entry_point = "gymnasium.envs.mujoco.ant_v5:AntEnv"
-    options = (
-        *LocomotionTask.options,
-        "contact_cost_weight",
-        "healthy_reward",
-        "terminate_when_unhealthy",
-        "healthy_z_range",
-        "contact_force_range",
-        "include_cfrc_ext_in_observation",
-    )
     fields = ("qpos", "qvel", "xpos", "cfrc_ext")
     feet: ClassVar[Mapping[str, str]] = {
         "left_ankle_geom": "front left foot",
@@ -38,7 +29,6 @@ class Ant(LocomotionTask):
         "third_ankle_geom": "back left foot",
         "fourth_ankle_geom": "back right foot",
     }
-    places = ("_torso",)
     draws_normal = True
     walks_around = True
 

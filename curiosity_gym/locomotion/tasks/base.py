@@ -7,6 +7,7 @@ with the operations of Gymnasium's environment, in their order, so that the bits
 from __future__ import annotations
 
 import copy
+import inspect
 import math
 from collections.abc import Mapping
 from functools import reduce
@@ -56,19 +57,10 @@ class LocomotionTask:
     env_id: ClassVar[str]
     entry_point: ClassVar[str]
     """The place of Gymnasium's class: a module and a name in it."""
-    options: ClassVar[tuple[str, ...]] = (
-        "forward_reward_weight",
-        "ctrl_cost_weight",
-        "reset_noise_scale",
-        "exclude_current_positions_from_observation",
-    )
-    """Arguments of Gymnasium's constructor that say how it computes; attributes of a task."""
     fields: ClassVar[tuple[str, ...]] = ("qpos", "qvel")
     """Names of the fields that the task reads."""
     feet: ClassVar[Mapping[str, str]] = {}
     """Geoms of the feet, each with the name of its foot."""
-    places: ClassVar[tuple[str, ...]] = ()
-    """Attributes that say where in the model something is."""
     n_dimensions: ClassVar[int] = 2
     """Coordinates of a position: those that begin `qpos`."""
     draws: ClassVar[bool] = True
@@ -94,6 +86,9 @@ class LocomotionTask:
         if behavior is not None:
             check_choice(BEHAVIORS, behavior=behavior)
         inner: Any = env.unwrapped
+        # Arguments of Gymnasium's constructor that say how it computes become attributes.
+        arguments = inspect.signature(type(inner).__init__).parameters
+        self.options = tuple(name for name in arguments if hasattr(inner, f"_{name}"))
         for name in self.options:
             setattr(self, name, getattr(inner, f"_{name}"))
         if world is not None and not self.walks_around:
@@ -138,7 +133,7 @@ class LocomotionTask:
         """Equal tasks begin, move, observe and reward alike."""
         if type(self) is not type(other) or not isinstance(other, LocomotionTask):
             return False
-        names = (*self.options, *self.places, "behavior_name", "frame_skip")
+        names = (*self.options, "behavior_name", "frame_skip")
         return (
             self.world == other.world
             and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)

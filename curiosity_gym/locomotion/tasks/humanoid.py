@@ -22,18 +22,6 @@ class Humanoid(LocomotionTask):
 
     env_id = "Humanoid-v5"
     entry_point = "gymnasium.envs.mujoco.humanoid_v5:HumanoidEnv"
-    options = (
-        *LocomotionTask.options,
-        "contact_cost_weight",
-        "contact_cost_range",
-        "healthy_reward",
-        "terminate_when_unhealthy",
-        "healthy_z_range",
-        "include_cinert_in_observation",
-        "include_cvel_in_observation",
-        "include_qfrc_actuator_in_observation",
-        "include_cfrc_ext_in_observation",
-    )
     fields = (
         *("qpos", "qvel", "xipos", "cinert", "cvel", "qfrc_actuator", "cfrc_ext", "ctrl"),
         *("ten_length", "ten_velocity"),

@@ -38,13 +38,6 @@ class Walker2d(LocomotionTask):
 
     env_id = "Walker2d-v5"
     entry_point = "gymnasium.envs.mujoco.walker2d_v5:Walker2dEnv"
-    options = (
-        *LocomotionTask.options,
-        "healthy_reward",
-        "terminate_when_unhealthy",
-        "healthy_z_range",
-        "healthy_angle_range",
-    )
     feet: ClassVar[Mapping[str, str]] = {
         "foot_geom": "right foot",
         "foot_left_geom": "left foot",
@@ -81,7 +74,6 @@ class Hopper(Walker2d):
 
     env_id = "Hopper-v5"
     entry_point = "gymnasium.envs.mujoco.hopper_v5:HopperEnv"
-    options = (*Walker2d.options, "healthy_state_range")
     feet: ClassVar[Mapping[str, str]] = {"foot_geom": "foot"}
 
     healthy_state_range: tuple[float, float]

@@ -69,7 +69,7 @@ def make_simulation(env_id, n=3, n_threads=2, behavior="position", **options):
 def options_of(env_id, kind):
     """The options of a name."""
     all_others = EVERYWHERE | OTHERS[env_id]
-    ends = "terminate_when_unhealthy" in TASKS[env_id].options
+    ends = "healthy_reward" in OTHERS[env_id]
     return {"default": {}, "others": all_others, "endless": NEVER_ENDS if ends else {}}[kind]
 
 
@@ -110,7 +110,7 @@ def test_equals_gymnasium_over_a_thousand_steps(env_id, kind):
             assert_same(simulation.observations[1], observation)
             observation, info = original.reset(seed=t)
             simulation.reset(middle, [generator(t)])
-    assert (n_ends > 0) == (kind != "endless" and "healthy_reward" in TASKS[env_id].options)
+    assert (n_ends > 0) == (kind != "endless" and "healthy_reward" in OTHERS[env_id])
 
 
 def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number():
@@ -121,7 +121,9 @@ def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number():
         named = set(inspect.signature(type(original).__init__).parameters) - {"self", "kwargs"}
         of_the_model = {"xml_file", "frame_skip"}  # taken with the model, and with the step
         of_places, of_pictures = {"main_body"}, {"default_camera_config"}
-        assert named - set(TASKS[env_id].options) <= of_the_model | of_places | of_pictures
+        assert (
+            named - set(TASKS[env_id](original).options) <= of_the_model | of_places | of_pictures
+        )
         tested = {*EVERYWHERE, *OTHERS[env_id], *NEVER_ENDS, "xml_file", "default_camera_config"}
         assert named <= tested
 

@@ -233,24 +233,14 @@ class TestControl:
         env = gym.make(env_id, horizon=1005, env_kwargs={"task_kwargs": {"random": 3}})
         assert play(env, lambda observation: np.zeros(1, dtype=np.float32), 0) == (1005, False)
 
-    def test_the_cart_and_pole_behave_as_the_physics_say(self):
-        env = gym.make(CART_POLE)
+    @pytest.mark.parametrize(("env_id", "angles"), [(CART_POLE, np.array), (ACROBOT, np.cumsum)])
+    def test_behaviors_are_as_the_physics_say(self, env_id, angles):
+        env = gym.make(env_id)
         env.reset(seed=0)
-        physics = env.unwrapped.env.unwrapped.physics
         for _ in range(200):
             behavior = env.step(env.action_space.sample())[4]["behavior"]
-            position, angle = physics.data.qpos
-            assert behavior[0] == position
-            assert math.remainder(behavior[1] - angle, 2 * math.pi) == pytest.approx(0, abs=1e-9)
-
-    def test_the_arms_behave_as_the_physics_say(self):
-        env = gym.make(ACROBOT)
-        env.reset(seed=0)
-        physics = env.unwrapped.env.unwrapped.physics
-        for _ in range(200):
-            behavior = env.step(env.action_space.sample())[4]["behavior"]
-            angles = np.cumsum(physics.data.qpos)
-            for mine, joint in zip(behavior, angles, strict=True):
+            expected = angles(env.unwrapped.env.unwrapped.physics.data.qpos)
+            for mine, joint in zip(behavior, expected, strict=True):
                 assert math.remainder(mine - joint, 2 * math.pi) == pytest.approx(0, abs=1e-9)
 
 

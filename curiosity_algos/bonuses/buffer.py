@@ -16,24 +16,6 @@ from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.state.check import check_like
 
-USUAL_CAPACITY = 100_000
-"""Transitions that a buffer keeps unless a user says how many, if they fit `USUAL_BYTES`."""
-USUAL_BYTES = 2**30
-
-
-def usual_capacity(observation_space: spaces.Space[Any]) -> int:
-    """Transitions of observations that a buffer keeps unless a user says how many."""
-    return max(1, min(USUAL_CAPACITY, USUAL_BYTES // _bytes_of_one(observation_space)))
-
-
-def _bytes_of_one(observation_space: spaces.Space[Any]) -> int:
-    """Memory of a transition, whose two observations are nearly all of it."""
-    return 2 * math.prod(observation_space.shape or ()) * _dtype(observation_space)().itemsize
-
-
-def _dtype(observation_space: spaces.Space[Any]) -> type[np.generic]:
-    return np.float32 if ImageInputs.of(observation_space) is None else np.uint8
-
 
 class TransitionBuffer:
     """Keeps the newest `capacity` transitions and samples batches of them.
@@ -59,8 +41,9 @@ class TransitionBuffer:
         self.size = 0
         self._next = 0
         shape = tuple(observation_space.shape or ())
-        dtype = _dtype(observation_space)
-        n_bytes = capacity * _bytes_of_one(observation_space)
+        dtype = np.dtype(np.float32 if ImageInputs.of(observation_space) is None else np.uint8)
+        self.dtype = dtype  # of observations
+        n_bytes = 2 * capacity * math.prod(shape) * dtype.itemsize
         if n_bytes > (n_free := psutil.virtual_memory().available):
             warnings.warn(
                 f"`buffer_size` of {capacity} transitions needs {n_bytes / 1e9:.1f} GB of memory, "

@@ -232,7 +232,7 @@ class Curiosity(HasSettings):
         """Take over what `state_dict` gave.
 
         Raises:
-            ValueError: If it is of a bonus that was made otherwise; nothing has changed then.
+            ValueError: If it is of a bonus that was made otherwise.
         """
         own = self.state_dict()
         # A bonus checks its own state, and who has not trained has no metrics.
@@ -241,7 +241,6 @@ class Curiosity(HasSettings):
         try:
             self.bonus.load_state_dict(state["bonus"])
         except Exception as error:  # a bonus of the user's own may raise any
-            self.bonus.load_state_dict(own["bonus"])
             raise ValueError("`bonus` must be made as the one that was saved.") from error
         self.scale.load_state_dict(state["scale"])
         self.n_untrained, self.n_trainings = state["n_untrained"], state["n_trainings"]

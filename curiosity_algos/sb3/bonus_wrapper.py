@@ -18,8 +18,7 @@ from stable_baselines3.common.vec_env import (
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards
-from curiosity_algos.bonuses.buffer import TransitionBuffer, usual_capacity
-from curiosity_algos.bonuses.encoders import ImageInputs
+from curiosity_algos.bonuses.buffer import TransitionBuffer
 from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.spans import RecentSteps
 from curiosity_algos.bonuses.views import View
@@ -61,8 +60,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         venv: A VecEnv of any spaces that SB3's policies take; the bonus sees images as they are,
             and others as vectors.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
-        buffer_size: Transitions kept to train on, the newest; None: 100,000, of large observations
-            as many as a GiB holds.
+        buffer_size: Transitions kept to train on, the newest.
         seed: Of the networks and the draws; None: fresh entropy.
         device: Where the networks are, as in SB3.
 
@@ -86,14 +84,13 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         venv: VecEnv,
         *,
         observation_key: str | None = None,
-        buffer_size: int | None = None,
+        buffer_size: int = 100_000,
         seed: int | None = None,
         device: th.device | str = "auto",
         **curiosity: Unpack[CuriosityKeywords],
     ) -> None:
         _check_venv(venv)
-        if buffer_size is not None:
-            check_at_least_one(buffer_size=buffer_size)
+        check_at_least_one(buffer_size=buffer_size)
         check_seed(seed)
         self._view = View(venv.observation_space, observation_key)
         self._acted = FlatActions(venv.action_space)
@@ -106,7 +103,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         super().__init__(venv)
         record_episodes(venv)
         self.observation_key = observation_key
-        self.buffer_size = int(buffer_size or usual_capacity(self._view.space))
+        self.buffer_size = int(buffer_size)
         self.training = True
         self._make_memories(buffer_seed, steps_seed)
         self._must_reset = False
@@ -121,12 +118,11 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     ) -> None:
         space, n_actions = self._view.space, get_action_dim(self._acted.space)
         shape = tuple(space.shape or ())
-        # As the networks take them: images stay bytes.
-        dtype = np.dtype(np.float32 if ImageInputs.of(space) is None else np.uint8)
+        self.buffer = TransitionBuffer(self.buffer_size, space, n_actions, seed=buffer_seed)
+        dtype = self.buffer.dtype
         self._observations: Array = np.empty((0, *shape), dtype)
         self._actions: Array = np.empty(0)
         self._episodes = episodes_of(self.bonus, self.num_envs)
-        self.buffer = TransitionBuffer(self.buffer_size, space, n_actions, seed=buffer_seed)
         horizon = self.curiosity.horizon
         self._recent = RecentSteps(self.num_envs, horizon, shape, dtype, n_actions, seed=steps_seed)
 
@@ -301,18 +297,18 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         settings, state = file.read(path, KIND)
         name = settings.get("bonus")
         if (name is None) is (bonus is None):
-            was = "an object" if name is None else f"{name!r:.60}"
-            raise ValueError(f"`bonus` must be an object if one was saved, and else None: {was}.")
+            must = "be given, it was an object" if name is None else f"be None, it was {name!r:.60}"
+            raise ValueError(f"`bonus` must {must} when the wrapper was saved.")
         try:
             wrapper = cls(venv, **settings | {"bonus": bonus or name}, device=device)
             wrapper.load_state_dict(state["wrapper"])
-            # Not yet, as a model's own reset would take another start then.
-            wrapper._must_reset = not load_episode_states(venv, state["episodes"])
         except Exception as error:  # a damaged file fails in more ways than can be named
             raise ValueError(
                 f"`path` must be saved of a wrapper around {venv.num_envs} environments of the "
                 f"same spaces, {path} is not: {error}"
             ) from error
+        # Not yet, as a model's own reset would take another start then.
+        wrapper._must_reset = not load_episode_states(venv, state["episodes"])
         return wrapper
 
 

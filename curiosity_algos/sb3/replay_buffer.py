@@ -353,7 +353,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         """Take over what `state_dict` of a buffer with the same settings gave.
 
         Raises:
-            ValueError: If it is another's; nothing has changed then.
+            ValueError: If it is another's; nothing but a bonus of your own has changed then.
         """
         check_keys(state, ("curiosity", "rng", "transitions"))
         columns, rng = dict(state["transitions"]), np.random.default_rng(0)

@@ -69,21 +69,6 @@ class TestTraining:
         assert batches == [8] * 5 * 2
         assert bonus.normalizer.count == 150
 
-    def test_the_reward_is_the_bonus_of_now(self, make, make_easy_maze):
-        model = make(make_easy_maze(), bonus_kwargs={"learning_rate": 0.1}).learn(64)
-        buffer = model.replay_buffer
-        rewards = []
-        for _ in range(2):
-            state = buffer._rng.bit_generator.state
-            samples = buffer.sample(20)
-            buffer._rng.bit_generator.state = state
-            transitions = [x.numpy() for x in buffer.sample_transitions(20)]
-            expected = 0.5 * buffer.bonus.score(*transitions)
-            np.testing.assert_allclose(samples.rewards[:, 0], expected, rtol=1e-5)
-            rewards.append(samples.rewards.mean())
-            model.learn(64, reset_num_timesteps=False)
-        assert abs(rewards[0] - rewards[1]) > 1e-3
-
     def test_threads_change_no_bit(self, make, make_easy_maze, assert_same):
         parameters = []
         for n_threads in (1, 2):

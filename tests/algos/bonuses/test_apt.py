@@ -74,22 +74,6 @@ def test_the_loss_is_that_of_telling_pairs_apart(numpy_network):
     assert loss.item() == pytest.approx((ahead + back) / 2, rel=1e-4)
 
 
-def test_statistics_enter_with_the_first_update_after_they_changed(monkeypatch):
-    apt, seen = make_apt(), th.from_numpy(make_observations())
-    batch, taken = (seen, th.zeros(20, 2), seen), []
-    load = apt.normalizer.load_state_dict
-    monkeypatch.setattr(
-        apt.normalizer, "load_state_dict", lambda state: taken.append(1) or load(state)
-    )
-    for n_loads in (1, 2):
-        apt.observe(seen)
-        assert not th.equal(apt.normalizer.count, apt.statistics.count)
-        for _ in range(3):
-            apt.update(*batch)
-        assert th.equal(apt.normalizer.count, apt.statistics.count)
-        assert len(taken) == n_loads
-
-
 def walk(n, n_entries=6):
     """A walker in two entries, before noise in the others."""
     rng = np.random.default_rng(0)

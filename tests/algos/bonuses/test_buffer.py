@@ -8,7 +8,7 @@ from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_algos.bonuses.buffer import TransitionBuffer, usual_capacity
+from curiosity_algos.bonuses.buffer import TransitionBuffer
 
 
 def transitions(numbers):
@@ -100,9 +100,3 @@ def test_it_warns_before_memory_ends(monkeypatch):
     with pytest.warns(UserWarning, match=r"`buffer_size` of 20000 .* 1\.1 GB .* 1\.0 GB are free"):
         TransitionBuffer(20_000, space, 1, seed=np.random.SeedSequence(0))
     make_buffer(1_000_000)
-
-
-def test_a_gibibyte_of_large_observations_is_usual():
-    frames = spaces.Box(0, 255, (84, 84, 4), np.uint8)
-    assert usual_capacity(frames) == 2**30 // (2 * 84 * 84 * 4)
-    assert usual_capacity(spaces.Box(-1, 1, (36,))) == 100_000

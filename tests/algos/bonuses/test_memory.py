@@ -67,14 +67,6 @@ class TestFeatures:
         np.testing.assert_array_equal(squares, (expected**2).sum(axis=1))
         assert max(expected[:, 0]) > 6
 
-    def test_outdated_ones_are_made_anew(self):
-        memory = make_memory(3)
-        memory.add(column(1, 2))
-        memory.features(Encoder())
-        assert memory.features(Encoder(5.0))[0].tolist() == [[2, -2], [4, -4]]
-        memory.outdate()
-        assert memory.features(Encoder(5.0))[0].tolist() == [[5, -5], [10, -10]]
-
     def test_threads_that_ask_at_once_encode_once(self):
         memory, encode, given = make_memory(3), Encoder(), []
         gate = threading.Barrier(4)
@@ -91,24 +83,3 @@ class TestFeatures:
             thread.join()
         assert given == [[[2, -2], [4, -4]]] * 4
         assert encode.asked == [1, 2]
-
-
-class TestState:
-    @pytest.mark.parametrize("outdated", [False, True])
-    def test_it_goes_on_where_it_was(self, outdated):
-        one = make_memory()
-        one.add(column(*range(20)))
-        one.features(Encoder())
-        one.add(column(*range(20, 25)))
-        if outdated:
-            one.outdate()
-        other = make_memory(seed=5)
-        other.load_state_dict(one.state_dict())
-        # Of what was encoded nothing is encoded anew, by another encoder now.
-        features = [memory.features(Encoder(3.0)) for memory in (one, other)]
-        for one_part, other_part in zip(*features, strict=True):
-            assert th.equal(one_part, other_part)
-        for memory in (one, other):
-            memory.add(column(*range(25, 60)))
-        assert one.n_seen == other.n_seen == 60
-        assert np.array_equal(one.observations, other.observations)

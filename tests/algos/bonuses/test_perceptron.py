@@ -106,20 +106,3 @@ def test_products_take_one_thread_whatever_other_threads_enter():
         enter()
         assert set(blas_threads()) == {1}
     assert blas_threads() == before
-
-
-def test_another_caller_waits_and_the_threads_are_given_back():
-    before, found = blas_threads(), []
-
-    def call():
-        with single_blas_thread():
-            found.extend(blas_threads())
-
-    other = threading.Thread(target=call)
-    with single_blas_thread():
-        other.start()
-        other.join(0.1)
-        assert not found
-    other.join(60)
-    assert set(found) == {1}
-    assert blas_threads() == before

@@ -126,15 +126,14 @@ class TestRewards:
         bonus = Recorder()
         bonus.horizon = 3
         venv = wrap(bonus=bonus, train_interval=1000)
-        play(venv, 60)
+        for _ in range(20):
+            play(venv, 6)  # the last in mid-episode
         held = venv.buffer.state_dict()
         spans = (held["next_observations"] - held["observations"]).int().ravel().tolist()
         assert set(spans) == {1, 2, 3}
-        venv.training = False
-        play(venv, 1)
-        venv.training = True
-        venv.step(np.zeros((2, 1), dtype=np.float32))  # no span over what was not learned from
-        assert venv.buffer.state_dict()["observations"][-2:].ravel().tolist() == [1, 1]
+        for venv.training in (False, True):
+            venv.step(np.zeros((2, 1), dtype=np.float32))  # no span over what was not learned from
+        assert venv.buffer.state_dict()["observations"][-2:].ravel().tolist() == [3, 3]
 
     @pytest.mark.parametrize(("extrinsic", "weight"), [(True, 0.25), (False, 1.0)])
     def test_rewards_add_up_and_infos_keep_them_apart(self, extrinsic, weight):
@@ -329,10 +328,10 @@ class TestFiles:
         bonus = Recorder()
         BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus, device="cpu")
         assert len(bonus.batches) == 2
-        with pytest.raises(ValueError, match=r"`bonus` must be an object if .*: an object."):
+        with pytest.raises(ValueError, match="`bonus` must be given, it was an object"):
             BonusVecEnvWrapper.load(path, make_venv())
         wrap().save(path)
-        with pytest.raises(ValueError, match=r"`bonus` must be an object if .*: 'icm'"):
+        with pytest.raises(ValueError, match="`bonus` must be None, it was 'icm'"):
             BonusVecEnvWrapper.load(path, make_venv(), bonus=bonus)
 
 
@@ -372,7 +371,6 @@ def test_a_wrapper_has_a_bonus_of_its_own_unless_it_is_named(name, bonus, tmp_pa
     [
         ("settings.n_steps", 3),
         ("settings.weight", -1),
-        ("state.episodes", 3),
         ("state.wrapper", {}),
         ("state.wrapper.observations", np.zeros((2, 3), np.float32)),
         ("state.wrapper.recent.rng", "x"),

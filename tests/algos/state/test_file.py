@@ -38,31 +38,13 @@ class Payload:
         return open, (self.marker, "w")
 
 
-def assert_same(one, other, at="state"):
-    assert type(one) is type(other), at
-    if isinstance(one, dict):
-        assert list(one) == list(other), at
-        for key in one:
-            assert_same(one[key], other[key], f"{at}.{key}")
-    elif isinstance(one, list | tuple):
-        assert len(one) == len(other), at
-        for i, (ours, theirs) in enumerate(zip(one, other, strict=True)):
-            assert_same(ours, theirs, f"{at}.{i}")
-    elif isinstance(one, np.ndarray | np.generic | th.Tensor):
-        assert one.dtype == other.dtype, at
-        assert one.shape == other.shape, at
-        assert (one == other).all(), at
-    else:
-        assert one == other, at
-
-
 @pytest.fixture
 def path(tmp_path):
     save(tmp_path / "thing.zip", "Thing", SETTINGS, STATE)
     return tmp_path / "thing.zip"
 
 
-def test_what_is_read_is_what_was_written(path):
+def test_what_is_read_is_what_was_written(path, assert_same):
     settings, state = read(path, "Thing")
     assert_same(settings, SETTINGS)
     assert_same(state, STATE)

@@ -111,19 +111,6 @@ class TestEmitters:
             np.testing.assert_array_equal(each, twin)
         assert_same(foreign_state(one), foreign_state(other))
 
-    @pytest.mark.parametrize("name", ["gaussian", "pareto", "cma_es", "lm_ma_es"])
-    def test_a_state_belongs_to_nobody(self, name, assert_same):
-        archives = [make_archive(np.float32, kind_of_archive(name)) for _ in range(2)]
-        one, other = (EMITTERS[name](each, 0) for each in archives)
-        live(one, 3)
-        archives[1].load_state_dict(archives[0].state_dict())
-        state = foreign_state(one)
-        kept = through_a_file(state)
-        load_foreign_state(other, state)
-        for emitter in (one, other):
-            live(emitter, 3)
-        assert_same(state, kept)
-
 
 class Thing:
     """What an attribute may be."""

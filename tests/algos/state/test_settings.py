@@ -4,15 +4,12 @@ import inspect
 
 import numpy as np
 import pytest
-from ribs.emitters import GaussianEmitter
 from stable_baselines3.common.callbacks import BaseCallback
 
 from curiosity_algos import (
     CMAME,
     NSES,
-    NSLC,
     CuriosityES,
-    MAPElites,
 )
 from tests.algos.conftest import SETTINGS
 
@@ -100,20 +97,6 @@ def test_what_parts_were_made_with_stays(algorithm, make_model, make_easy_maze):
     assert vars(model) == before
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "population_size", "n_parents"),
-    [(NSES, 56, 28), (NSES, 1, 1), (NSLC, 56, 7), (NSLC, 8, 4)],
-)
-def test_who_recombines_follows_from_the_population(
-    algorithm, population_size, n_parents, make_maze
-):
-    settings = {"population_size": population_size, "behavior": "state"}
-    model = algorithm(make_maze(), **settings)
-    assert model.n_parents is None
-    assert model._n_parents == n_parents
-    model.learn(1)
-
-
 class TestWithoutEffect:
     def test_on_a_search_of_ones_own(self, make_model, make_easy_maze):
         own = make_model(NSES, make_easy_maze())._search
@@ -122,15 +105,6 @@ class TestWithoutEffect:
             with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
                 setattr(model, name, 1)
         model.phi = 0.5
-
-    def test_on_emitters_of_ones_own(self, make_model, make_easy_maze):
-        def emitters(archive, x0, seed):
-            return [GaussianEmitter(archive, sigma=0.1, x0=x0, batch_size=6, seed=seed)]
-
-        model = make_model(MAPElites, make_easy_maze(), emitters=emitters)
-        for name in ("sigma", "population_size"):
-            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
-                setattr(model, name, 1)
 
 
 @pytest.mark.parametrize(

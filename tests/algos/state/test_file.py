@@ -152,5 +152,6 @@ def test_what_is_cut_off_or_changed_is_an_error(path):
 
 def test_what_unpacks_to_more_than_it_is_stays_packed(path):
     rewrite(path, with_member("zeros.npy", bytes(10**7)), zipfile.ZIP_DEFLATED)
-    with pytest.raises(ValueError, match="must be a saved Thing"):
+    with pytest.raises(ValueError, match="must be a saved Thing") as raised:
         read(path, "Thing")
+    assert "unpacks to more" in str(raised.value.__cause__)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.spatial.distance import cdist
 
 from benchmarks.measure import Plan, Row, Table, Task, interleave, ratios, seconds
-from curiosity_algos.motivations.novelty_archive import NoveltyArchive
+from curiosity_algos.motivations.novelty import NoveltyArchive
 from curiosity_gym.maze.dynamics import observe
 from curiosity_gym.maze.maze_env import MazeEnv
 

@@ -7,11 +7,11 @@ import os
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Required, Self, TypedDict
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from ribs.archives import ArchiveBase, ArchiveStats
+from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
 
 from curiosity_algos.archives.fields import (
     COMMON,
@@ -23,27 +23,17 @@ from curiosity_algos.archives.fields import (
     described_by,
     nearest_elite,
 )
-from curiosity_algos.archives.store import EliteStore
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.state.check import check_like
 from curiosity_algos.state.file import read, save
-from curiosity_gym.validation import check_at_least_one, check_seed
+from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
 """Statuses of an insertion, as pyribs numbers them."""
-
-
-class ArchiveKeywords(TypedDict, total=False):
-    """Keywords of every archive, see `EliteArchive`."""
-
-    solution_dim: Required[int]
-    qd_score_offset: float
-    seed: int | np.random.SeedSequence | None
-    solution_dtype: npt.DTypeLike
-    extra_fields: Mapping[str, tuple[Any, Any]] | None
-    net_arch: Sequence[int] | None
+FIRST_CAPACITY = 64
 
 
 class EliteArchive(ArchiveBase):
@@ -95,10 +85,9 @@ class EliteArchive(ArchiveBase):
         self._begin()
 
     def _begin(self) -> None:
-        """Clear the elites."""
-        self._elites = EliteStore(dict(self._description))
-
-    # -- what an archive writes -----------------------------------------------------------------
+        """Clear the elites, which are in slots 0, 1, 2, ... of pyribs' store."""
+        self._elites = ArrayStore({**self._description}, 0)  # a file's shapes take no memory yet
+        self._objective_sum, self._best_slot = np.float64(0.0), 0
 
     @abstractmethod
     def _insert(self, data: Batch) -> Batch:
@@ -117,8 +106,6 @@ class EliteArchive(ArchiveBase):
     @abstractmethod
     def cells(self) -> int:
         """Number of elites that it could hold."""
-
-    # -- pyribs' interface ----------------------------------------------------------------------
 
     @property
     def field_list(self) -> list[str]:
@@ -151,14 +138,14 @@ class EliteArchive(ArchiveBase):
     @property
     def stats(self) -> ArchiveStats:
         """Number of elites, coverage, QD-score (also per cell), best and mean objective."""
-        n, objective_sum = len(self), self._elites.objective_sum
+        n, objective_sum = len(self), self._objective_sum
         qd_score = objective_sum - np.float64(n) * self.qd_score_offset
         return ArchiveStats(
             num_elites=n,
             coverage=np.float64(n / self.cells if n else 0.0),
             qd_score=qd_score,
             norm_qd_score=np.float64(qd_score / self.cells if n else 0.0),
-            obj_max=self._elites.best_objective if n else None,
+            obj_max=self._column("objective")[self._best_slot] if n else None,
             obj_mean=objective_sum / n if n else None,
         )
 
@@ -168,7 +155,7 @@ class EliteArchive(ArchiveBase):
 
         Of equals it is of the batch that came first, and after `load` the first in `data`.
         """
-        return None if self.empty else self._elite(self._elites.best_slot)
+        return None if self.empty else self._elite(self._best_slot)
 
     def add(
         self,
@@ -252,8 +239,6 @@ class EliteArchive(ArchiveBase):
         self.net_arch = [*net_arch]
         self._rng = np.random.default_rng(seed)
 
-    # -- policies -------------------------------------------------------------------------------
-
     def nearest(self, behavior: npt.ArrayLike) -> Array:
         """The solution whose behavior is nearest to `behavior` (B,), in Euclidean distance.
 
@@ -261,13 +246,12 @@ class EliteArchive(ArchiveBase):
             ValueError: If `behavior` is not finite of that shape, or there are no elites.
         """
         nearest = nearest_elite(self, behavior)
-        return self._elites.get("solution", [nearest])[0]  # type: ignore[no-any-return]
+        solution: Array = self._column("solution")[nearest].copy()
+        return solution
 
     def verify(self, env: AnyEnv, n_threads: int | None = None) -> Verification:
         """Play every elite again, see `curiosity_algos.archives.verify.verify`."""
         return verify(self, env, n_threads)
-
-    # -- files and checkpoints ------------------------------------------------------------------
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all elites to one `.npz`, see `curiosity_algos.state.file`.
@@ -312,15 +296,19 @@ class EliteArchive(ArchiveBase):
         """Elites and the state of `sample_elites`, for exact resume."""
         return {
             "elites": self.data(),
-            "objective_sum": float(self._elites.objective_sum),
-            "best_slot": self._elites.best_slot,
+            "objective_sum": float(self._objective_sum),
+            "best_slot": self._best_slot,
             "rng": generator_state(self._rng),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError if that was of other fields."""
         self._restore(state["elites"])
-        self._elites.load_summary(state["objective_sum"], state["best_slot"])
+        check_like(state["objective_sum"], 0.0, "objective_sum")
+        check_whole(0, max(len(self) - 1, 0), best_slot=state["best_slot"])
+        # A sum's last bits follow from the order of adding up.
+        self._objective_sum = np.float64(state["objective_sum"])
+        self._best_slot = state["best_slot"]
         load_generator_state(self._rng, state["rng"])
 
     def _restore(self, data: Batch) -> None:
@@ -333,7 +321,26 @@ class EliteArchive(ArchiveBase):
         self._description = described_by({**data})
         self._begin()
         if n := len(data["objective"]):
-            self._elites.write(np.arange(n), {name: data[name] for name in self._description})
+            self._write(np.arange(n), {name: data[name] for name in self._description})
+
+    def _column(self, name: str) -> Array:
+        """A field (n, ...) of all elites, not copied, which holds until the next `_write`."""
+        values: Array = self._elites._fields[name][: len(self)]
+        return values
+
+    def _write(self, slots: Int64Array, rows: Batch) -> None:
+        """Put at least one elite, arrays (n, ...) by field, into slots (n,), no two the same."""
+        objective, n, needed = rows["objective"], len(self), int(slots.max()) + 1
+        is_old = slots < n
+        before = np.zeros(len(slots))
+        before[is_old] = self._column("objective")[slots[is_old]]
+        best = self._column("objective")[self._best_slot] if n else -np.inf
+        if needed > self._elites.capacity:
+            self._elites.resize(max(needed, 2 * self._elites.capacity, FIRST_CAPACITY))
+        self._elites.add(slots, dict(rows))
+        self._objective_sum = self._objective_sum + np.sum(objective - before)
+        if objective.max() > best:
+            self._best_slot = int(slots[np.argmax(objective)])
 
     def _read(
         self,

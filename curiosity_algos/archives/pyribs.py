@@ -73,8 +73,6 @@ class PyribsPart:
         index = self.archive.data("index")[nearest_elite(self.archive, behavior)]
         return self.archive._store.retrieve([index], "solution")[1][0]  # type: ignore[no-any-return]
 
-    # -- checkpoints ----------------------------------------------------------------------------
-
     def state_dict(self) -> dict[str, Any]:
         """Elites in the order of their draws, their thresholds, the best, and the draws' state."""
         archive = self.archive

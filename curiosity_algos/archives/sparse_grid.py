@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, ArchiveKeywords, EliteArchive
+from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, EliteArchive
 from curiosity_algos.archives.fields import Batch
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_gym.validation import check_at_least_one
@@ -40,7 +40,7 @@ class SparseGridArchive(EliteArchive):
         *,
         dims: Sequence[int],
         ranges: Sequence[tuple[float, float]],
-        **kwargs: Unpack[ArchiveKeywords],
+        **kwargs: Any,
     ) -> None:
         check_cells(dims=dims)
         self.dims, bounds = np.array(dims, dtype=np.int64), np.array(ranges, dtype=np.float64)
@@ -71,11 +71,7 @@ class SparseGridArchive(EliteArchive):
         return [np.linspace(low, high, n + 1) for low, high, n in spans]
 
     def index_of(self, measures: npt.ArrayLike) -> Int64Array:
-        """Cells (n,) of behaviors (n, measure_dim).
-
-        Raises:
-            ValueError: If `measures` is not finite of that shape.
-        """
+        """Cells (n,) of behaviors (n, measure_dim); ValueError unless these are finite."""
         values = np.asarray(measures, dtype=np.float64)
         if values.shape[1:] != self.dims.shape or not np.isfinite(values).all():
             raise ValueError(f"`measures` must be finite of shape (n, {len(self.dims)}).")
@@ -93,14 +89,14 @@ class SparseGridArchive(EliteArchive):
         slots = np.array([self._slots.get(int(cell), -1) for cell in cells], dtype=np.int64)
         is_taken = slots >= 0
         before = np.full(len(cells), -np.inf)
-        before[is_taken] = self._elites.get("objective", slots[is_taken])
+        before[is_taken] = self._column("objective")[slots[is_taken]]
         is_better = objective > before
         status = np.where(is_better, np.where(is_taken, IMPROVED, NEW), NOT_ADDED).astype(np.int32)
         value = objective - np.where(is_taken, before, 0.0)
         winners = _first_best(cells, objective, np.flatnonzero(is_better))
         if len(winners):
             slots = np.array([self._slot(int(cell)) for cell in cells[winners]])
-            self._elites.write(slots, {name: array[winners] for name, array in data.items()})
+            self._write(slots, {name: array[winners] for name, array in data.items()})
         return {"status": status, "value": value}
 
     def _slot(self, cell: int) -> int:
@@ -121,11 +117,9 @@ class SparseGridArchive(EliteArchive):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """`dims` and `ranges`, as JSON can hold them."""
-        return {
-            "dims": self.dims.tolist(),
-            "ranges": np.stack([self.lower_bounds, self.upper_bounds], axis=1).tolist(),
-        }
+        """`dims` and `ranges`."""
+        bounds = np.stack([self.lower_bounds, self.upper_bounds], axis=1)
+        return {"dims": self.dims.tolist(), "ranges": bounds.tolist()}
 
 
 def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Array) -> Int64Array:

@@ -54,14 +54,7 @@ def _parts(states: Float32Array, size: int = 64) -> list[Float32Array]:
 class TrajectoryEncoder:
     """AURORA's behaviors: the code that an autoencoder reconstructs a trajectory from.
 
-    Args:
-        n_dimensions: Of the latent space.
-        share: Of a trajectory's states that the autoencoder sees, in (0, 1].
-        learning_rate: Adam's.
-        n_epochs: Passes over the data whenever it is trained.
-        batch_size: Trajectories a gradient step.
-        seed: Of the initial weights and of the batches.
-        device: Where the networks are.
+    Its arguments are those of `AURORA`.
 
     Attributes:
         shape: (n_states, O) of what it sees of a trajectory; None before `begin`.
@@ -117,14 +110,12 @@ class TrajectoryEncoder:
         return {STATES: EvenStates(self.shape[0])}
 
     def train(self, states: Float32Array) -> None:
-        """Learn to reconstruct trajectories (n, n_states, O).
-
-        The scale of the states is taken anew: it grows with what is explored.
-        """
+        """Learn to reconstruct trajectories (n, n_states, O)."""
         assert self.shape is not None
         check_gradients()
         self._optimizer.param_groups[0]["lr"] = self.learning_rate
         with single_torch_thread():
+            # The scale of the states is taken anew: it grows with what is explored.
             fresh = RunningNormalizer(self.shape[1]).to(self.device)
             for part in _parts(states):
                 fresh.observe(th.from_numpy(part).flatten(0, 1).to(self.device))

@@ -7,12 +7,12 @@ control has the aim of Grillotti & Cully 2022, by other means) or a whole state 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, ArchiveKeywords, EliteArchive
+from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, EliteArchive
 from curiosity_algos.archives.fields import Batch
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.common.neighbors import ClosestPairs, check_points, nearest_others
@@ -56,7 +56,7 @@ class UnstructuredArchive(EliteArchive):
         target_size: int,
         k_neighbors: int | None,
         threshold: float = 0.0,
-        **kwargs: Unpack[ArchiveKeywords],
+        **kwargs: Any,
     ) -> None:
         check_at_least_one(target_size=target_size)
         if k_neighbors is not None:
@@ -116,16 +116,16 @@ class UnstructuredArchive(EliteArchive):
         """Take a batch of one in: its status, and its objective or improvement."""
         objective = float(one["objective"][0])
         if self.empty:
-            self._elites.write(np.array([0]), one)
+            self._write(np.array([0]), one)
             return NEW, objective
-        distances = cdist(one["measures"], self._elites.view("measures"))[0]
+        distances = cdist(one["measures"], self._column("measures"))[0]
         nearest = int(np.argmin(distances))
         if distances[nearest] > self.threshold:
-            self._elites.write(np.array([len(self)]), one)
+            self._write(np.array([len(self)]), one)
             return NEW, objective
-        improvement = objective - float(self._elites.view("objective")[nearest])
+        improvement = objective - float(self._column("objective")[nearest])
         if improvement > 0.0:
-            self._elites.write(np.array([nearest]), one)
+            self._write(np.array([nearest]), one)
             return IMPROVED, improvement
         return NOT_ADDED, improvement
 

@@ -65,11 +65,10 @@ def verify(
 
 
 def _verify(archive: Any, evaluator: Evaluator) -> Verification:
-    if evaluator.n_parameters != archive.solution_dim:
-        raise ValueError(
-            f"`env` asks for policies of {evaluator.n_parameters} parameters, "
-            f"the archive's have {archive.solution_dim}."
-        )
+    n_parameters, n_own = evaluator.n_parameters, archive.solution_dim
+    if n_parameters != n_own:
+        message = f"policies of {n_parameters} parameters, the archive's have {n_own}."
+        raise ValueError(f"`env` asks for {message}")
     elites = archive.data()
     n = len(archive)
     kept = behaviors_of(archive)

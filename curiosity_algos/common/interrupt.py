@@ -22,12 +22,8 @@ def deferred_interrupt(what: str) -> Iterator[None]:
 
     A model is then always interrupted between two generations, where it can be saved and resumed.
 
-    Args:
-        what: What the block does, for the line on stderr: "the generation".
-
     Raises:
         HeldInterrupt: After the block, if Ctrl-C was pressed in it.
-        KeyboardInterrupt: In the midst of it, if it was pressed twice.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -66,11 +66,7 @@ def find_known(
     spelled: Callable[[str], str] = str,
     hint: str = "",
 ) -> str:
-    """The known name that `spelled` makes the same of, for an argument.
-
-    Raises:
-        ValueError: If there is none; the nearest is suggested, else all of them, or the `hint`.
-    """
+    """The known name that `spelled` makes the same of; ValueError suggests the nearest."""
     by_spelling = {spelled(each): each for each in known}
     if spelled(name) in by_spelling:
         return by_spelling[spelled(name)]

@@ -24,12 +24,8 @@ def check_points(**points: Float64Array) -> None:
 def nearest_others(points: Float64Array, n: int, k: int) -> tuple[Float64Array, Int64Array]:
     """The k nearest other points of each of the first n points, of equally near the first.
 
-    It takes n log n steps, or n^2 where neighbors tie, and from about 12 dimensions on.
-
-    Args:
-        points: (m, d), as `check_points` wants them.
-        n: At most m.
-        k: At least 1, at most m - 1.
+    It takes n log n steps, or n^2 where neighbors tie, and from about 12 dimensions on. Points are
+    (m, d), k at most m - 1.
 
     Returns:
         Distances (n, k), ascending, and which points these are (n, k).
@@ -51,13 +47,7 @@ def nearest_others(points: Float64Array, n: int, k: int) -> tuple[Float64Array, 
 
 
 class ClosestPairs:
-    """Takes points away one by one, and knows the closest two of those that are left.
-
-    It takes n steps to take one away.
-
-    Args:
-        points: (n, d), as `check_points` wants them, two at least.
-    """
+    """Takes points (n, d) away in n steps each, and knows the closest two of those left."""
 
     def __init__(self, points: Float64Array) -> None:
         self.is_left = np.ones(len(points), dtype=bool)

@@ -47,11 +47,7 @@ def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, An
 def preset_settings(
     preset: str, algorithm: str, env_id: str | None, overrides: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The settings of a preset, and keywords that count more than these.
-
-    Of a dictionary each entry counts more; with another `bonus` the preset's `bonus_kwargs` do not
-    count at all. Other arguments and errors are those of `load_preset`.
-    """
+    """The settings of a preset, and keywords that count more, see `from_preset`."""
     settings = load_preset(preset, algorithm, env_id)
     if "bonus" in overrides and overrides["bonus"] != settings.get("bonus"):
         settings.pop("bonus_kwargs", None)  # they are of another bonus

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import FunctionType, MethodType, ModuleType
@@ -14,10 +15,9 @@ import torch as th
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.sole_learner import sole_learner
-
 _NOT_OWN = (gym.Env, VecEnv, spaces.Space, ModuleType, FunctionType, MethodType, type)
 """Objects that a part may refer to, but whose generators are not its own."""
+_LEARNS = threading.RLock()
 _WITHOUT_PARTS = (np.ndarray, th.Tensor, str, bytes, int, float, type(None))
 
 
@@ -101,6 +101,27 @@ def load_global_state(state: Mapping[str, Any], device: th.device) -> None:
     th.set_rng_state(state["torch"].cpu())
     if device.type == "cuda" and "cuda" in state:
         th.cuda.set_rng_state(state["cuda"].cpu(), device)
+
+
+@contextmanager
+def sole_learner() -> Iterator[None]:
+    """Keep models of other threads from learning until the block ends.
+
+    A thread may enter again, so that callbacks can train, load and evaluate models.
+
+    Raises:
+        RuntimeError: If a model learns in another thread: global generators and threads of the
+            libraries are the process', so that neither run would be the one it is alone.
+    """
+    if not _LEARNS.acquire(blocking=False):
+        raise RuntimeError(
+            "One model learns at a time in a process, and another thread's does: use processes, "
+            "such as `curiosity sweep`."
+        )
+    try:
+        yield
+    finally:
+        _LEARNS.release()
 
 
 @contextmanager

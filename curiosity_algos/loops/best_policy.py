@@ -16,9 +16,6 @@ from curiosity_algos.state.check import check_like
 class BestPolicy:
     """The individual with the highest return so far.
 
-    Args:
-        n_parameters: Of a policy.
-
     Attributes:
         value: Its return; -inf before the first generation.
         seed: Of the reset of its episode; None before the first generation.

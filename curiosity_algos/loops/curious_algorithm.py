@@ -51,12 +51,7 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
         return CuriosityMotivation(
             self.policy.seen.space,
             self.policy.acted.space,
-            bonus=self.bonus,
-            bonus_kwargs=self.bonus_kwargs,
-            n_transitions=self.n_transitions,
-            n_updates=self.n_updates,
-            batch_size=self.batch_size,
-            buffer_size=self.buffer_size,
+            **{name: getattr(self, name) for name in CuriousAlgorithm._own_settings},
             seed=seed,
             device=self.device,
             n_threads=self.n_threads,

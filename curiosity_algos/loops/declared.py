@@ -80,8 +80,10 @@ def whole_signature(cls: type, base: type) -> inspect.Signature:
             if not is_first:  # the constructors before pass keywords on, and nothing else
                 own = [p if p.kind in _PASSED_ON else p.replace(kind=p.KEYWORD_ONLY) for p in own]
             is_first = False
+        types = vars(ancestor).get("__annotations__", {})
         for name, one in vars(ancestor).get("_own_settings", {}).items():
-            kind, annotation = inspect.Parameter.KEYWORD_ONLY, ancestor.__annotations__[name]
+            annotation = types.get(name, inspect.Parameter.empty)
+            kind = inspect.Parameter.KEYWORD_ONLY
             own.append(inspect.Parameter(name, kind, default=one.default, annotation=annotation))
         public = [p for p in own if p.kind not in _PASSED_ON and p.name[0] != "_"]
         parameters |= {p.name: p for p in public if p.name not in parameters}

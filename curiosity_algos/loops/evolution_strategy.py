@@ -133,14 +133,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
         return standardize(rollouts.returns), {}
 
     def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
-        own = self._own_summarizers(n_individuals)
-        if own is None or not isinstance(self._search, NormalizedSearch):
-            return own
-        return {**own, MOMENTS: moments}
-
-    def _own_summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
-        """What `_assess` reads of trajectories, see `_summarizers`."""
-        return {}
+        return {MOMENTS: moments} if self.normalize_observations else {}
 
     def _ask(self) -> Float32Array:
         return self._search.ask()
@@ -191,8 +184,12 @@ class MotivatedStrategy(EvolutionStrategy):
         own = {"fitness": self._fitness, "motivation": self._motivation}
         return {**super()._parts(), **own}
 
-    def _own_summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
-        return self._motivation.summarizers(n_individuals)
+    def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
+        own, others = (
+            self._motivation.summarizers(n_individuals),
+            super()._summarizers(n_individuals),
+        )
+        return None if own is None else {**own, **(others or {})}
 
     def _forget_behaviors(self) -> None:
         self._fitness.forget()

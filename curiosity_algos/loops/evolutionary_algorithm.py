@@ -21,7 +21,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array
 from curiosity_algos.common.interrupt import deferred_interrupt
-from curiosity_algos.common.sole_learner import sole_learner
+from curiosity_algos.common.randomness import sole_learner
 from curiosity_algos.evaluation.arguments import (
     check_common,
     check_keywords_known,
@@ -137,8 +137,6 @@ class EvolutionaryAlgorithm(PopulationModel):
         if _init_setup_model:
             self._setup_model()
 
-    # -- what an algorithm writes ---------------------------------------------------------------
-
     @abstractmethod
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         """Create what the algorithm holds; everything random grows from `seed`."""
@@ -167,8 +165,6 @@ class EvolutionaryAlgorithm(PopulationModel):
         Otherwise rollouts of large populations, which are played in blocks, hold summaries alone.
         """
         return None
-
-    # -- the model ------------------------------------------------------------------------------
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
@@ -256,8 +252,6 @@ class EvolutionaryAlgorithm(PopulationModel):
     def n_workers(self) -> int | None:
         """Workers of a Ray cluster that evaluate at present; None without a cluster."""
         return None if self.evaluator is None else self.evaluator.n_live
-
-    # -- the loop -------------------------------------------------------------------------------
 
     def learn(
         self,

@@ -35,9 +35,6 @@ class Settings:
         attributes: The others: its defaults, or what callbacks have set.
         objects: By argument, the class of what no file holds.
         observation_space: Of its environment, like the next three; None of a class of one's own.
-        action_space: None of a class of one's own.
-        behavior_space: None where there is none.
-        coverage_grid: None where there is none.
     """
 
     keywords: dict[str, Any]
@@ -170,11 +167,7 @@ def _see_saved(model: Any, settings: Settings) -> None:
 
 
 def load_policy(path: StateFile, cls: type[Any], env: Any) -> tuple[MlpPolicy, int]:
-    """The policy of a saved model, without its search, and the seed of its best episode, or 0.
-
-    Raises:
-        ValueError: If the file is damaged, or the policy of a class of one's own.
-    """
+    """The policy of a saved model, without its search, and the seed of its best episode, or 0."""
     file = model_path(path)
     content, state = read(file, cls.__name__)
     settings = read_settings(content, file, cls)

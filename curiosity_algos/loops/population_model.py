@@ -75,6 +75,8 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     __signature__: ClassVar[inspect.Signature]
     _declared: ClassVar[dict[str, Setting]]
     """The settings that a class and those that it extends declare."""
+    _own_settings: ClassVar[dict[str, Setting]]
+    """Those that it declares itself."""
     _attributes: ClassVar[dict[str, str]] = {
         **{"policy": "policy_class", "evaluator": "_evaluator_choice", "archive": "_own_archive"},
     }
@@ -136,8 +138,6 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         vars(model)["preset"] = preset
         return model
 
-    # -- what an algorithm writes ---------------------------------------------------------------
-
     def _parts(self) -> dict[str, Any]:
         """What has a state, by name: objects with `state_dict`, and numpy's generators."""
         return {
@@ -162,8 +162,6 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     @abstractmethod
     def _show_best(self) -> None:
         """Let `predict` act with the best policy."""
-
-    # -- the environment ------------------------------------------------------------------------
 
     def _see_env(self, env: VecEnv | None) -> None:
         """Remember the behaviors of an env, and the cells that coverage counts there."""
@@ -213,8 +211,6 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         """Timesteps when an individual first succeeded, or None."""
         return self._firsts.success
 
-    # -- randomness -----------------------------------------------------------------------------
-
     def set_random_seed(self, seed: int | None = None) -> None:
         """Begin every random draw of the run anew: those of its parts, of env and actions.
 
@@ -230,8 +226,6 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         self.action_space.seed(int(seed))
         if self.env is not None:
             self.env.seed(int(seed))
-
-    # -- state ----------------------------------------------------------------------------------
 
     def state_dict(self) -> State:
         """The states of all parts, and how far the run is."""
@@ -283,8 +277,6 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             if name in states:
                 load_state(part, states[name])
 
-    # -- settings and files ---------------------------------------------------------------------
-
     def _settings(self) -> dict[str, Any]:
         """The keywords of the constructor with their values in force."""
         names = {**dict.fromkeys(inspect.signature(type(self)).parameters), **self._arguments}
@@ -306,9 +298,9 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     ) -> None:
         """Save everything that a run needs to go on bit for bit.
 
-        The file takes the place of an older one only once it is wholly on disk. It holds JSON and
-        arrays, see `curiosity_algos.state.file`. Objects that the constructor was given, such as a
-        `bonus`, `search`, `archive` or class of policies, are given to `load` again.
+        The file takes the place of an older one only once it is wholly on disk. Objects that the
+        constructor was given, such as a `bonus`, `search`, `archive` or class of policies, are
+        given to `load` again.
 
         Args:
             path: Of the file; `.zip` is added where it has no suffix.
@@ -352,11 +344,9 @@ class PopulationModel(HasSettings, BaseAlgorithm):
                 constructor's, for which rl-zoo3 passes stand-ins.
             print_system_info: As in SB3.
             force_reset: Unused: a generation begins its episodes anew.
-            **kwargs: Keywords of the constructor that count more than those in the file. Objects
-                that it was given are given again: a class of policies, `bonus`, `search`,
-                `evaluator`, `archive` (the elites in the file take the place of its own) and
-                `emitters`. `seed` begins every random draw anew, see `set_random_seed`; without it
-                they go on.
+            **kwargs: Keywords of the constructor that count more than those in the file, and the
+                objects that it was given (the elites in the file take the place of those of an
+                `archive`). `seed` begins every random draw anew, see `set_random_seed`.
 
         Raises:
             FileNotFoundError: If there is no such file.

@@ -77,8 +77,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
     emitters: MakeEmitters | None = setting(None, settled=True)
     _own_archive: EliteArchive | PyribsArchive | None
 
-    # -- what an algorithm writes ---------------------------------------------------------------
-
     @abstractmethod
     def _make_archive(self, seed: np.random.SeedSequence) -> EliteArchive:
         """The algorithm's own archive, empty."""
@@ -132,8 +130,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
         return {}
-
-    # -- the search -----------------------------------------------------------------------------
 
     def _check_settings(self) -> None:
         super()._check_settings()
@@ -261,8 +257,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
             "later_seeds": self._later_seeds,
         }
 
-    # -- acting ---------------------------------------------------------------------------------
-
     def predict(
         self,
         observation: Array | dict[str, Array],
@@ -278,10 +272,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
             state: Unused.
             episode_start: Unused.
             deterministic: Unused, policies draw nothing.
-            niche: (B,) behavior that the elite should come to, in the environment's units.
-
-        Raises:
-            ValueError: If `niche` is no behavior, or there are no elites yet.
+            niche: (B,) behavior that the elite should come to, in the environment's units; there
+                must be elites.
         """
         if niche is None:
             return super().predict(observation, state, episode_start, deterministic)

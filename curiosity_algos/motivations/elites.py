@@ -25,12 +25,8 @@ class EliteCuriosity:
     """Estimates the curiosity of whole trajectories that only samples are kept of.
 
     A score kept from the time of the episode would stay high where all has long been learned; these
-    are asked of the bonus as it is now.
-
-    Args:
-        bonus: Gives the curiosity of a transition.
-        n_transitions: Kept of each trajectory, drawn uniformly with replacement.
-        seed: Of the draws.
+    are asked of the bonus as it is now. `n_transitions` of each trajectory are kept, drawn
+    uniformly with replacement.
     """
 
     def __init__(self, bonus: Bonus, n_transitions: int, seed: np.random.SeedSequence) -> None:

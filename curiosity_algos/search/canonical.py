@@ -29,18 +29,8 @@ def recombination_weights(n_parents: int) -> Float64Array:
 class CanonicalSearch:
     """Samples a population around a center and moves the center towards its best.
 
-    Its settings may change between generations.
-
-    Args:
-        n_parameters: Length of a parameter vector.
-        population_size: lambda.
-        n_parents: mu, the individuals that recombine.
-        sigma: Standard deviation of the samples.
-        learning_rate: alpha, scales the step of the center.
-        step: "canonical" moves by `alpha sum_j w_j (theta_j - theta)`; "paper" divides that by
-            `sigma mu`, as the paper's section 3 does.
-        mirrored: Draw the second half of the population opposite to the first.
-        seed: Seed of the samples.
+    Its settings, which may change between generations, are those of `EvolutionStrategy`. The step
+    "canonical" moves by `alpha sum_j w_j (theta_j - theta)`; "paper" divides that by `sigma mu`.
     """
 
     def __init__(

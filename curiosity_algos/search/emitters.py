@@ -47,11 +47,8 @@ class Emitters:
         return sum(emitter.batch_size for emitter in self.emitters)
 
     def state_dict(self) -> dict[str, Any]:
-        """The emitters' attributes, and where they began; ValueError where no file holds them."""
-        try:
-            states = {str(i): foreign_state(each) for i, each in enumerate(self.emitters)}
-        except TypeError as error:
-            raise ValueError(f"`emitters` must have a state that can be saved: {error}") from error
+        """The emitters' attributes, and where they began; TypeError where no file holds them."""
+        states = {str(i): foreign_state(emitter) for i, emitter in enumerate(self.emitters)}
         return {"x0": self.x0.copy(), **states}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
@@ -113,15 +110,8 @@ class TournamentEmitter(GaussianEmitter):
 class ParetoEmitter(EmitterBase):
     """Mutates the best of its last generation in novelty and local competition (NSLC).
 
-    The archive's `add` must give `novelty` and `local_competition`.
-
-    Args:
-        archive: What the generations are added to.
-        x0: (n_parameters,) parent of the first generation.
-        sigma: Standard deviation of the mutations.
-        n_parents: mu, the individuals that have offspring.
-        batch_size: lambda, their offspring in all.
-        seed: Of the mutations.
+    The archive's `add` must give `novelty` and `local_competition`. `x0` (n_parameters,) is the
+    parent of the first generation; later `n_parents` have `batch_size` offspring.
     """
 
     def __init__(

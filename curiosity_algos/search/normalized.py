@@ -39,10 +39,7 @@ def moments(rollouts: Rollouts, individuals: slice) -> Summary:
 class NormalizedSearch:
     """Another search, in the parameters of policies that see standardized observations.
 
-    Args:
-        search: Asked for parameters of such policies; the parameters given here are those of
-            policies that see observations as they are.
-        mlp: The policies' shape.
+    The parameters that it gives are of policies that see observations as they are.
     """
 
     def __init__(self, search: Search, mlp: Mlp) -> None:

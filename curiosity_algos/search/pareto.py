@@ -16,16 +16,10 @@ from curiosity_algos.common.arrays import Float64Array, Int64Array
 
 
 def pareto_fronts(objectives: Float64Array) -> list[Int64Array]:
-    """Sort rows into fronts: each is what no other row dominates once those before it are gone.
+    """Sort rows (n, 2) into fronts: what no other row dominates once those before it are gone.
 
     A row dominates another if it is no worse in any objective and better in one, so equal rows
-    share a front. It takes n log n steps.
-
-    Args:
-        objectives: (n, 2), finite; n may be 0.
-
-    Returns:
-        Indices of the rows of each front, ascending; the best front first.
+    share a front. Indices of a front ascend, the best front is first.
     """
     order = np.lexsort(objectives.T[::-1])[::-1]  # what dominates a row comes before it
     ranks = np.empty(len(order), dtype=np.int64)
@@ -45,13 +39,7 @@ def crowding_distances(objectives: Float64Array) -> Float64Array:
 
     Along each objective, a row's neighbors are the next smaller and the next larger row, equal
     rows in the order of their indices. Their distance, as a share of the objective's spread, is
-    summed over the objectives. An objective without spread adds nothing.
-
-    Args:
-        objectives: (m, d), finite; m may be 0.
-
-    Returns:
-        (m,), at least 0; infinity for the first and the last row along an objective.
+    summed over the objectives: (m,), infinity for the first and the last row along one.
     """
     distances = np.zeros(len(objectives))
     for values in objectives.T:
@@ -63,15 +51,7 @@ def crowding_distances(objectives: Float64Array) -> Float64Array:
 
 
 def pareto_best(objectives: Float64Array, n: int) -> Int64Array:
-    """The `n` best rows: by front, within a front by larger crowding distance, then by index.
-
-    Args:
-        objectives: (n_rows, 2), finite.
-        n: Rows to take, 0 to n_rows.
-
-    Returns:
-        (n,) indices of rows, the best first.
-    """
+    """The `n` best rows: by front, within a front by larger crowding distance, then by index."""
     best = [np.empty(0, dtype=np.int64)]
     n_left = n
     for front in pareto_fronts(objectives):

@@ -10,7 +10,7 @@ from curiosity_algos import BonusReplayBuffer, BonusVecEnvWrapper, MAPElites, Ro
 from curiosity_algos.evaluation.coverage import Coverage
 from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.experiments import RunFolder
-from curiosity_algos.motivations.novelty_archive import NoveltyArchive
+from curiosity_algos.motivations.novelty import NoveltyArchive
 
 US = "CuriosityMaze-US-v0"
 

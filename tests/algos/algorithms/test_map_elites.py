@@ -41,13 +41,6 @@ def test_it_is_pyribs_map_elites_on_a_dense_grid(make_model, make_easy_maze):
     assert model.best_return > 0
 
 
-def test_the_grid_spans_the_behavior_space(make_model, make_maze):
-    model = make_model(MAPElites, make_maze(), n_cells=9)
-    np.testing.assert_array_equal(model.archive.dims, [9] * 4)
-    np.testing.assert_array_equal(model.archive.lower_bounds, model._behavior_space.low)
-    np.testing.assert_array_equal(model.archive.upper_bounds, model._behavior_space.high)
-
-
 def test_the_papers_grid_costs_no_memory_for_its_cells(make_maze):
     model = MAPElites(make_maze(), seed=0).learn(1)
     assert model.archive.cells == 50**4

@@ -9,7 +9,7 @@ import pytest
 from matplotlib import pyplot as plt
 from matplotlib.collections import PatchCollection, QuadMesh
 from matplotlib.colors import LogNorm, to_rgba
-from ribs.archives import CVTArchive, GridArchive
+from ribs.archives import GridArchive
 
 from curiosity_algos.archives.plots import plot_archive
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
@@ -144,19 +144,6 @@ def test_elites_at_borders_are_shown_in_their_cells(kind):
     tenths = np.indices((10, 10)).reshape(2, 100).T / 10
     archive.add(np.zeros((100, 1)), np.arange(100.0), tenths)
     np.testing.assert_array_equal(shown(plot_archive(archive)), np.arange(100.0).reshape(10, 10))
-
-
-def test_pyribs_cells_without_a_grid_are_squares():
-    archive = CVTArchive(solution_dim=1, ranges=[(0, 1)] * 4, centroids=np.eye(4))
-    archive.add(np.zeros((3, 1)), [1.0, 2.0, 3.0], np.eye(4)[:3])
-    ax = plot_archive(archive, by="elites", n_cells=2)
-    np.testing.assert_array_equal(shown(ax), [[1.0, 1.0], [1.0, np.nan]])
-
-
-def test_a_grid_is_shown_in_other_cells_on_request():
-    ax = plot_archive(make_grid(), dimensions=(0, 2), n_cells=9)
-    assert shown(ax).shape == (9, 9)
-    assert np.nansum(shown(plot_archive(make_grid(), by="elites", n_cells=9))) == len(make_grid())
 
 
 def test_cells_of_something_else_are_not_shown():

@@ -104,19 +104,6 @@ def test_a_loaded_model_goes_on(
     assert verify(own, make_easy_maze(), net_arch=[4]).share == 1.0
 
 
-def test_the_best_outlives_its_elite(make_model, make_easy_maze, tmp_path, assert_same, n):
-    own = soft(n)
-    model = make_model(MAPElites, make_easy_maze(), archive=own)
-    cell = {"measures": np.ones((1, 4)), "seed": [0]}
-    own.add(np.full((1, n), 2.0), [9.0], **cell)
-    own.add(np.full((1, n), 3.0), [8.5], **cell)  # above the threshold of 4
-    model.save(tmp_path / "model")
-    other = MAPElites.load(tmp_path / "model", archive=soft(n)).archive
-    assert other.best_elite["objective"] == 9.0 > other.data("objective").max()
-    assert_same(other.best_elite, own.best_elite)
-    assert other.stats == own.stats
-
-
 @EVERY_KIND
 def test_its_draws_follow_the_seed(make, make_model, make_easy_maze, assert_same_run, n):
     models = [

@@ -164,16 +164,6 @@ class TestCompete:
             assert info["local_competition"].tolist() == [each for _, each in expected]
             plain.add(batch)
 
-    def test_by_hand(self):
-        archive = make_archive(k_neighbors=2)
-        archive.add([[0], [1]], [5.0, 1.0], [[0, 0], [10, 0]])
-        novelty, competition = archive.compete(
-            np.array([[3.0, 4.0], [3.0, 0.0]]), np.array([2.0, 6.0])
-        )
-        # Of the first its mate at 4 and the elite at 5, of the second the elite at 3 and its mate.
-        assert novelty.tolist() == [4.5, 3.5]
-        assert competition.tolist() == [0, 2]
-
     @pytest.mark.filterwarnings("error")
     @pytest.mark.parametrize("n", [0, 1, 2, 5])
     def test_an_empty_batch(self, n):
@@ -203,27 +193,6 @@ class TestInsertion:
             assert archive.threshold == plain.threshold
             for name, values in as_arrays(plain.elites).items():
                 np.testing.assert_array_equal(archive.data(name), values)
-
-    def test_by_hand(self):
-        archive = make_archive(target_size=2, measure_dim=1)
-
-        def offer(place, objective):
-            info = archive.add([[place]], [objective], [[place]])
-            return info["status"][0], info["value"][0]
-
-        assert offer(0.0, 1.0) == (NEW, 1.0)
-        assert offer(0.0, 1.0) == (NOT_ADDED, 0.0)
-        assert offer(0.0, 4.0) == (IMPROVED, 3.0)
-        assert offer(8.0, 2.0) == (NEW, 2.0)
-        assert archive.threshold == 0.0
-        # Third of two: 8 and 9 are closest, and 8 is the worse.
-        assert offer(9.0, 3.0) == (NEW, 3.0)
-        assert archive.data("measures").tolist() == [[0.0], [9.0]]
-        assert archive.threshold == 9.0
-        assert offer(18.0, 2.0) == (NOT_ADDED, -1.0)  # not farther than the threshold
-        assert offer(5.0, 5.0) == (IMPROVED, 2.0)
-        assert archive.data("measures").tolist() == [[0.0], [5.0]]
-        assert archive.threshold == 9.0
 
     @pytest.mark.parametrize("target_size", [1, 10, 19, 110])
     def test_it_grows_by_a_tenth_before_it_is_thinned_out(self, target_size):
@@ -258,15 +227,6 @@ class TestInsertion:
 
 
 class TestThinning:
-    def test_by_hand(self):
-        places = [0.0, 1.0, 3.0, 4.0, 9.0]
-        objective = [1.0, 1.0, 2.0, 3.0, 0.0]
-        # 0 and 1 tie: the later goes; then 3 and 4, of which 3 is worse; then 0 and 4.
-        for n_left, left in [(4, [0, 3, 4, 9]), (3, [0, 4, 9]), (2, [4, 9]), (1, [4])]:
-            archive = make_archive(measure_dim=1, target_size=n_left)
-            archive.add([[0]] * 5, objective, [[place] for place in places])
-            assert archive.data("measures")[:, 0].tolist() == left
-
     def test_many_elites_need_no_matrix(self):
         n, rng = 2201, np.random.default_rng(0)
         archive = make_archive(target_size=2000)

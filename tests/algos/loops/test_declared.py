@@ -7,6 +7,8 @@ import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import CMAME, NSES, TD3ICM, CanonicalES, CuriosityES
+from curiosity_algos.loops.declared import setting
+from curiosity_gym.validation import check_at_least_one
 
 HARD = "CuriosityMaze-Hard-v0"
 
@@ -80,6 +82,26 @@ class TestSignatures:
         for keyword, near in [("winds", "wind"), ("populaton_size", "population_size")]:
             with pytest.raises(TypeError, match=rf"Own got .* did you mean {near}\?"):
                 Own(HARD, **{keyword: 3})
+
+    def test_a_class_of_ones_own_declares_settings(self, tmp_path):
+        class Own(NSES):
+            pace = setting(1, check_at_least_one)
+            wind: float = setting(0.5, fixed=True)
+            sigma: float = setting(0.2)
+
+        shown = inspect.signature(Own).parameters
+        assert [*shown][:5] == ["env", "policy", "pace", "wind", "sigma"]
+        assert (shown["wind"].annotation, shown["sigma"].default) == (float, 0.2)
+        model = Own(HARD, pace=np.int64(3), wind=2.0)
+        assert (type(model.pace), model.pace, model.wind, model._search.sigma) == (int, 3, 2.0, 0.2)
+        with pytest.raises(ValueError, match="`pace` must be a whole number"):
+            model.pace = 0
+        with pytest.raises(ValueError, match="`wind` must stay as it was set"):
+            model.wind = 3.0
+        model.save(tmp_path / "model")
+        assert Own.load(tmp_path / "model", pace=4).pace == 4
+        with pytest.raises(ValueError, match=r"`wind` must be left as it was saved, 2\.0"):
+            Own.load(tmp_path / "model", wind=3.0)
 
     def test_a_mixin_may_come_first(self):
         class Logged:

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from curiosity_algos.motivations import novelty_archive as module
-from curiosity_algos.motivations.novelty_archive import NoveltyArchive
+from curiosity_algos.motivations import novelty as module
+from curiosity_algos.motivations.novelty import NoveltyArchive
 
 N_DIMENSIONS = 4
 

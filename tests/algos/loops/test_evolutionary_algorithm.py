@@ -147,6 +147,12 @@ class TestLearn:
         assert model.first_success_timesteps == lengths[: first + 1].sum()
         assert model.first_reward_timesteps == model.first_success_timesteps
 
+    def test_the_first_success_counts_the_timesteps_before(self, make_model, make_easy_maze):
+        model = make_model(CanonicalES, make_easy_maze())
+        model.num_timesteps = 1000
+        model.learn(60 * 64, reset_num_timesteps=False)
+        assert model.first_success_timesteps > 1000
+
     def test_cells_are_visited_at_any_step(self, algorithm, make_model, make_maze):
         env, oracle = make_maze(), make_maze()
         model, recorder = make_model(algorithm, env), Recorder()

@@ -115,7 +115,10 @@ class FlatObservations:
 
     def many(self, observations: Any) -> Array:
         """The vectors (n, O) of n observations of a vector environment of either API."""
-        return _rows(self._own, observations)
+        vectors = np.array(observations) if self._is_vector else _rows(self._own, observations)
+        if vectors.shape[1:] != (self.size,):
+            raise _wrong(self._own, observations)
+        return vectors
 
     def own(self, vectors: Array) -> Any:
         """The observations of vectors (n, O), stacked as vector environments stack them."""

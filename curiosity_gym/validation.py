@@ -25,6 +25,7 @@ def _checker(what: str, is_valid: Callable[[Any], bool]) -> Callable[..., None]:
             if not is_valid(value):
                 raise ValueError(f"`{name}` must be {what}, got {value!r}.")
 
+    check.__doc__ = f"Raise ValueError unless every value is {what}."
     return check
 
 

@@ -102,8 +102,7 @@ REFERENCE = documented()
 TAKERS = {
     path: each
     for path, each in REFERENCE.items()
-    if (inspect.isclass(each) and not issubclass(each, Exception))
-    or "Args:" in (each.__doc__ or "")
+    if (inspect.isclass(each) and not issubclass(each, Exception)) or "Args:" in f"{each.__doc__}"
 }
 """Of which arguments must be described: classes, and functions that describe any."""
 

@@ -61,13 +61,14 @@ def write_report(folders: StrPath | Iterable[StrPath], out: StrPath) -> pd.DataF
     begun = runs[runs["has_begun"] & ~runs["is_repeated"]]
     page = _Page(color_labels(sorted(set(begun["label"]))))
     sections = [page.section(*group) for group in runs.groupby("env")]
+    # plotly's JSON has no character that could end the script.
     encoded = [f'"{name}":{graphs.Figure(drawn).to_json()}' for name, drawn in page.figures.items()]
     text = _asset("page.html").format(
         style=_asset("page.css"),
         counts=counts(begun),
         links="".join(page.links),
         sections="".join(sections),
-        figures=f"{{{','.join(encoded)}}}".replace("<", "\\u003c"),
+        figures=f"{{{','.join(encoded)}}}",
         plotly=offline.get_plotlyjs(),
         script=_asset("page.js"),
     )

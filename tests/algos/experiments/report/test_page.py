@@ -125,7 +125,9 @@ def test_only_runs_that_have_not_begun(runs_folder, tmp_path, report):
 def test_a_seed_counts_once_and_lengths_are_named(runs_folder, tmp_path, report):
     shutil.copytree(runs_folder / "NSES" / MAZE / "0", tmp_path / "again")
     folders = [runs_folder / "NSES", tmp_path / "again"]
-    assert re.search("as another run of the same seed[^<]*again", report(*folders))
+    text = report(*folders)
+    assert "3 runs on 1 environment." in text
+    assert re.search("as another run of the same seed[^<]*again", text)
     (result,) = tmp_path.glob("again/checkpoints/*/result.json")
     result.write_text(json.dumps(json.loads(result.read_text()) | {"timesteps": 9999}))
     row = first_row(report(*folders))

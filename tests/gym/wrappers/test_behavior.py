@@ -1,4 +1,5 @@
 import copy
+import math
 
 import gymnasium as gym
 import numpy as np
@@ -58,7 +59,7 @@ def test_the_function_is_given_the_wrapped_environment_and_its_info():
     assert info == {"own": 1}
 
 
-@pytest.mark.parametrize("value", [0.0, [0.0], [[0.0, 0.0]], [0.0, 0.0, 0.0]])
+@pytest.mark.parametrize("value", [[0.0], [[0.0, 0.0]], [0.0, math.nan]])
 def test_behaviors_of_another_shape_are_errors(value):
     env = make_cart_pole(lambda env, observation, info: value)
     with pytest.raises(ValueError, match="`behavior`"):

@@ -38,7 +38,13 @@ BATCH = 100  # resamples in memory at once; another number would change the draw
 
 @dataclass(frozen=True)
 class Interval:
-    """A number, and the bounds of its 95 % interval; NaN where a task has fewer than three runs."""
+    """A number and its 95 % interval.
+
+    Attributes:
+        estimate: The number.
+        low: The lower bound; NaN where a task has fewer than three runs.
+        high: The upper bound, likewise.
+    """
 
     estimate: float
     low: float
@@ -47,9 +53,13 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve over (n,) timesteps or seconds, and the bounds of its 95 % intervals, (n,) each.
+    """A curve and its 95 % intervals, one at each point.
 
-    Bounds of fewer than three runs are NaN.
+    Attributes:
+        x: (n,) timesteps or seconds.
+        estimate: (n,) heights.
+        low: (n,) lower bounds; NaN where there are fewer than three runs.
+        high: (n,) upper bounds, likewise.
     """
 
     x: Float64Array

@@ -44,7 +44,10 @@ class Firsts:
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
         """Take over what `state_dict` gave."""
-        self.reward, self.success = state["reward"], state["success"]
+        firsts = state["reward"], state["success"]
+        if not all(isinstance(first, int | None) for first in firsts):
+            raise ValueError("`reward` and `success` must be timesteps, or None.")
+        self.reward, self.success = firsts
 
 
 class EpisodeRecord:

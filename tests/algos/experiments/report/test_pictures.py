@@ -117,8 +117,6 @@ def test_axes_have_the_names_of_the_behavior(write_run):
         figure = draw_map(runs, plane_of(runs), 1.0)
         assert [figure["layout"][axis]["title"] for axis in ("xaxis", "yaxis")] == expected
         assert f"{expected[1]}: %{{y:.3~g}}" in figure["data"][0]["hovertemplate"]
-    with pytest.raises(ValueError, match="`behavior_names` must be a tuple of 2 strings"):
-        plane_of(write_run([[0.1, 0.2]], behavior_names=[1, 2]))
 
 
 def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):

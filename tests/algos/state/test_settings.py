@@ -121,8 +121,12 @@ def test_what_it_may_be_is_said_before_it_is_in_force(
 ):
     model, twin = (make_model(algorithm, make_easy_maze()).learn(400) for _ in range(2))
     right = getattr(model, name)
-    with pytest.raises(ValueError, match=f"^`{name}` must be "):
-        setattr(model, name, wrong)
+
+    def go_on_with(value):
+        setattr(model, name, value)
         model.learn(400, reset_num_timesteps=False)
+
+    with pytest.raises(ValueError, match=f"^`{name}` must be "):
+        go_on_with(wrong)
     setattr(model, name, right)
     assert_same_run(model, twin)

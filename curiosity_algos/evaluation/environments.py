@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
@@ -53,7 +53,7 @@ class FactoryVecEnv(SingleVecEnv):
         """This environment, and others until there are n.
 
         Raises:
-            ValueError: If `make` gives an environment again.
+            ValueError: If `make` gives an environment again, or Monitors that write one file.
         """
         while len(envs := [self.played, *self._beside]) < n:
             env = self.make()
@@ -62,8 +62,19 @@ class FactoryVecEnv(SingleVecEnv):
                     "`env` must be a function that makes a new environment each time, it gave one "
                     "again."
                 )
+            self.check_files(_files(env))
             self._beside.append(env)
         return envs[:n]
+
+    def check_files(self, others: Set[str] | None = None) -> None:
+        """Raise ValueError if a Monitor writes a file of others; None: if it writes any."""
+        own = _files(self.played)
+        if own if others is None else own & others:
+            raise ValueError(
+                "`env` must make no Monitors that write one file, as several environments are "
+                "made: give each its own file and leave `n_threads` None, pass one environment, "
+                "or record the run with SaveRun."
+            )
 
     def close(self) -> None:
         """Close the environment, and all that was made beside it."""
@@ -135,6 +146,12 @@ def monitors(env: Any) -> Iterator[Monitor]:
         if isinstance(env, Monitor):
             yield env
         env = env.env
+
+
+def _files(env: gym.Env[Any, Any]) -> set[str]:
+    """The files that Monitors around an env write."""
+    writers = [monitor.results_writer for monitor in monitors(env)]
+    return {writer.file_handler.name for writer in writers if writer is not None}
 
 
 def describe(env: object) -> tuple[spaces.Space[Any], spaces.Space[Any]]:

@@ -59,10 +59,10 @@ def make_evaluator(
     inner = as_played(opened)
     check_constant(inner)
     known = known_task(inner)
+    warn_of_empty_files(opened, is_compiled=known is not None)
     if known is None:
         played = opened if isinstance(opened, FactoryVecEnv) else inner
         return VectorEvaluator(played, mlp, n_threads or 1)
-    warn_of_empty_files(opened)
     compiled = MazeEvaluator if known.simulate is None else SimulationEvaluator
     return compiled(known, mlp, n_threads)
 

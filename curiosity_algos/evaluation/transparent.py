@@ -80,16 +80,21 @@ def check_constant(env: Any) -> None:
         )
 
 
-def warn_of_empty_files(env: Any) -> None:
-    """Warn if a Monitor of an environment that plays without a step has a file."""
+def warn_of_empty_files(env: Any, *, is_compiled: bool) -> None:
+    """Warn if a VecMonitor, or a Monitor of an environment that is not stepped, has a file."""
+    recorders: list[VecMonitor | Monitor] = []
+    while isinstance(env, VecMonitor):
+        recorders.append(env)
+        env = env.venv
     for one in [env] if isinstance(env, gym.Env) else getattr(env, "envs", []):
-        if any(monitor.results_writer is not None for monitor in monitors(one)):
-            warnings.warn(
-                "`env` is in a Monitor with a file that gets no rows: policies are played below "
-                "it. Record the run with SaveRun instead, or read the `infos` of a callback.",
-                stacklevel=2,
-            )
-            return
+        recorders += monitors(one) if is_compiled else []
+    if any(recorder.results_writer is not None for recorder in recorders):
+        warnings.warn(
+            "`env` is in a Monitor or VecMonitor with a file that gets no rows: policies are "
+            "played below it. Record the run with SaveRun instead, or read the `infos` of a "
+            "callback.",
+            stacklevel=2,
+        )
 
 
 def layers(env: Any) -> list[Any]:

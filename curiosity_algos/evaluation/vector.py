@@ -98,6 +98,7 @@ class VectorEvaluator(Evaluator):
         self._hints_at_more = False
         self.make_another = partial(_evaluator_of, factory.make, self.mlp, n_processes)
         if n_processes > 1:
+            factory.check_files()
             make_one = partial(_evaluator_of, factory.make, self.mlp, 1)
             self._processes = Processes(make_one, n_processes)
             factory.processes.append(self._processes)

@@ -1,5 +1,6 @@
 """What a user wraps to record episodes records those that are played, or a warning says so."""
 
+import gc
 import itertools
 import warnings
 from functools import partial
@@ -65,13 +66,30 @@ def test_a_monitor_has_a_row_of_each_episode(kind, monitored, make_model, tmp_pa
     assert rows["r"].max() == best
 
 
+@pytest.mark.parametrize("n_threads", [None, 2])
+def test_monitors_of_a_function_must_not_write_one_file(n_threads, monitored, make_model, tmp_path):
+    make = monitored("function", STEPPED)
+    if n_threads is None:
+        make = lambda: Monitor(gym.make(STEPPED[0]), str(tmp_path / "one"))  # noqa: E731
+    with pytest.raises(ValueError, match="`env` must make no Monitors that write one file"):
+        make_model(CanonicalES, make, n_threads=n_threads).learn(1)
+    gc.collect()  # closes them
+
+
 @pytest.mark.parametrize("task", COMPILED, ids=str)
 @pytest.mark.parametrize("kind", KINDS)
 def test_of_a_task_that_plays_compiled_it_has_none_and_a_warning_says_so(
     kind, task, monitored, make_model
 ):
-    with pytest.warns(UserWarning, match="is in a Monitor with a file that gets no rows"):
+    with pytest.warns(UserWarning, match="Monitor or VecMonitor with a file that gets no rows"):
         model = make_model(CanonicalES, monitored(kind, task))
+    model.get_env().close()
+
+
+def test_so_does_one_of_a_vec_monitor(make_model, tmp_path):
+    inner = DummyVecEnv([lambda: gym.make(STEPPED[0])] * 2)
+    with pytest.warns(UserWarning, match="with a file that gets no rows"):
+        model = make_model(CanonicalES, VecMonitor(inner, str(tmp_path / "log")))
     model.get_env().close()
 
 

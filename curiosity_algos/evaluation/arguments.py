@@ -10,7 +10,7 @@ from numbers import Real
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 import curiosity_gym  # noqa: F401  registers the ids, so that users need no import of their own
 from curiosity_algos.common.networks import torch_device
@@ -61,3 +61,14 @@ def check_learning(env: VecEnv | None, total_timesteps: object, log_interval: ob
         )
     if env is None:
         raise ValueError("`env` must be set before learning: call set_env(env).")
+
+
+def check_no_options(env: VecEnv | None) -> None:
+    """Raise ValueError if the next reset of an environment has options: no episode gets them."""
+    while isinstance(env, VecEnvWrapper):
+        env = env.venv
+    if any(getattr(env, "_options", ())):
+        raise ValueError(
+            "`set_options` does not reach the episodes of a population, which begin with a seed "
+            "alone: make the environment with keywords, or in a wrapper, that do the same."
+        )

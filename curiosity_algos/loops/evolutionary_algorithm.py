@@ -26,6 +26,7 @@ from curiosity_algos.evaluation.arguments import (
     check_common,
     check_keywords_known,
     check_learning,
+    check_no_options,
     check_order,
     use_python_numbers,
 )
@@ -278,10 +279,11 @@ class EvolutionaryAlgorithm(PopulationModel):
 
         Raises:
             ValueError: If the budget is negative or not finite, `log_interval` is below 1,
-                or no env is set.
+                no env is set, or `set_options` was called of it.
             RuntimeError: If a model learns in another thread.
         """
         check_learning(self.env, total_timesteps, log_interval)
+        check_no_options(self.env)
         name = tb_log_name or type(self).__name__
         with sole_learner():
             self._warn_of_loss()

@@ -153,3 +153,13 @@ def test_all_else_reaches_it(kind, tracked, make_model):
         model.learn(1, reset_num_timesteps=False)
         assert model.best_return == 3.0 * difficulty
     model.get_env().close()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_options_of_a_reset_are_refused(kind, make_model):
+    model = make_model(CanonicalES, KINDS[kind]())
+    model.get_env().set_options({"state": (8.0, 8.0, 0.0, 0.0)})
+    with pytest.raises(ValueError, match="`set_options` does not reach the episodes"):
+        model.learn(1)
+    model.get_env().set_options(None)
+    model.learn(1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.evaluation.environments import EnvObject, describe
+from curiosity_algos.evaluation.environments import EnvObject, FactoryVecEnv, describe
 from curiosity_algos.evaluation.evaluator import check_policy_kwargs, make_evaluator
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.transparent import as_played, known_task
@@ -34,6 +34,8 @@ def choose_evaluator(
             f'`evaluator` must be "auto", "ray" or an Evaluator ({Evaluator.__module__}) of the '
             f"policy's {wanted} parameters, got {choice!r} of {own}."
         )
+    if isinstance(env, FactoryVecEnv):  # whose environment it has never seen
+        env.others_play = True
     return choice
 
 

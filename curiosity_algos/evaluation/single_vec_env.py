@@ -53,10 +53,13 @@ class SingleVecEnv(DummyVecEnv):
         """Set an attribute where the environment or its wrappers have it.
 
         Raises:
+            AttributeError: If they have none of that name.
             ValueError: If other environments play.
         """
         self._check_plays_alone("set_attr")
         for env in self._get_target_envs(indices):
+            if not env.has_wrapper_attr(attr_name):
+                raise AttributeError(f"`env` has no attribute {attr_name!r} to set.")
             env.set_wrapper_attr(attr_name, value)
 
     def env_method(

@@ -65,6 +65,8 @@ def test_so_it_can_of_a_native_vector_env_and_by_set_attr(make_model, learn):
     assert model.get_env().get_attr("horizon") == [7]
     assert learn(model) == {7}
     assert type(model.evaluator) is MazeEvaluator
+    with pytest.raises(AttributeError, match="`env` has no attribute 'horizn'"):
+        model.get_env().set_attr("horizn", 7)
     model.get_env().set_attr("horizon", 0)
     with pytest.raises(ValueError, match="`horizon` must be"):
         learn(model)
@@ -142,6 +144,13 @@ def test_what_does_not_reach_all_that_plays_is_refused(kind, tracked, make_model
         venv.vector_env.set_attr("difficulty", 3)
         assert model.learn(1).best_return == 9.0
     venv.close()
+
+
+def test_nor_does_it_reach_an_evaluator_of_ones_own(make_model):
+    own = make_model(CanonicalES, "CartPole-v1").evaluator
+    model = make_model(CanonicalES, "CartPole-v1", evaluator=own)
+    with pytest.raises(ValueError, match="`set_attr` does not reach all environments that play"):
+        model.get_env().set_attr("gravity", 1.0)
 
 
 @pytest.mark.parametrize("kind", ["env", "VecEnv"])

@@ -52,7 +52,7 @@ class AURORA(QualityDiversity):
     archive_class = UnstructuredArchive
     latent_size: int = setting(10, check_at_least_one, fixed=True)
     trajectory_share: float = setting(0.4, check_share, fixed=True)
-    archive_size: int = setting(1000, check_at_least_one)
+    archive_size: int = setting(1000, check_at_least_one, idle_with="archive")
     training_interval: int = setting(10, check_at_least_one)
     n_epochs: int = setting(10, check_at_least_one, part="_encoder")
     ae_learning_rate: float = setting(1e-3, check_positive)

@@ -38,8 +38,8 @@ class CMAME(MAPElites):
     """
 
     population_size: int = setting(POPULATION_SIZE, check_at_least_one, fixed=True)
-    sigma: float = setting(0.1, check_positive)
-    restart_interval: int = setting(10, check_at_least_one)
+    sigma: float = setting(0.1, check_positive, idle_with="emitters")
+    restart_interval: int = setting(10, check_at_least_one, idle_with="emitters")
     es: str = setting("cma_es", partial(check_choice, STRATEGIES), fixed=True)
 
     def _check_settings(self) -> None:

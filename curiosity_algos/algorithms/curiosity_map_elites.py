@@ -49,8 +49,8 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     bonus: str | Bonus = setting("icm", settled=True)
     n_updates: int = setting(64, check_at_least_one, part="_motivation")
     batch_size: int = setting(1024, check_at_least_one, part="_motivation")
-    sigma: float = setting(0.1, check_positive)
-    tournament_size: int = setting(32, check_at_least_one)
+    sigma: float = setting(0.1, check_positive, idle_with="emitters")
+    tournament_size: int = setting(32, check_at_least_one, idle_with="emitters")
     n_kept: int = setting(32, check_at_least_one, fixed=True)
 
     def _make_search(self, seed: np.random.SeedSequence) -> None:

@@ -58,10 +58,10 @@ class NSLC(QualityDiversity):
 
     archive: UnstructuredArchive
     archive_class = UnstructuredArchive
-    n_parents: int | None = setting(None)
-    k: int = setting(10, check_at_least_one)
+    n_parents: int | None = setting(None, idle_with="emitters")
+    k: int = setting(10, check_at_least_one, idle_with="archive")
     behavior: str = setting("final", fixed=True)
-    archive_size: int = setting(2000, check_at_least_one)
+    archive_size: int = setting(2000, check_at_least_one, idle_with="archive")
 
     def _check_settings(self) -> None:
         super()._check_settings()

@@ -24,6 +24,7 @@ class Setting:
     is_fixed: bool
     is_settled: bool
     part: str | None
+    idle_with: str | None
 
 
 def setting(
@@ -34,6 +35,7 @@ def setting(
     fixed: bool = False,
     settled: bool = False,
     part: str | None = None,
+    idle_with: str | None = None,
 ) -> Any:
     """Declare a setting.
 
@@ -44,8 +46,9 @@ def setting(
         fixed: The state in a file is made with it, so that `load` cannot replace it.
         settled: Parts are made with it: a model that is set up keeps it, `load` may replace it.
         part: Attribute of the part that has it too, and takes it up before each generation.
+        idle_with: Argument for a part of the user's own, with which this has no effect and stays.
     """
-    return Setting(default, check, convert, fixed, settled or fixed, part)
+    return Setting(default, check, convert, fixed, settled or fixed, part, idle_with)
 
 
 def or_none(check: Callable[..., None]) -> Callable[..., None]:

@@ -59,12 +59,14 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
             them, are then its own affair. `load` takes it again.
     """
 
-    population_size: int = setting(56, check_at_least_one)
-    n_parents: int | None = setting(None)
-    sigma: float = setting(0.3, check_positive)
-    learning_rate: float = setting(0.5, check_positive, convert=_constant)
-    step: str = setting("canonical", partial(check_choice, ("canonical", "paper")))
-    mirrored_sampling: bool = setting(False, check_bool)
+    population_size: int = setting(56, check_at_least_one, idle_with="search")
+    n_parents: int | None = setting(None, idle_with="search")
+    sigma: float = setting(0.3, check_positive, idle_with="search")
+    learning_rate: float = setting(0.5, check_positive, convert=_constant, idle_with="search")
+    step: str = setting(
+        "canonical", partial(check_choice, ("canonical", "paper")), idle_with="search"
+    )
+    mirrored_sampling: bool = setting(False, check_bool, idle_with="search")
     normalize_observations: bool = setting(False, check_bool, fixed=True)
     search: Search | MakeSearch | None = setting(None, settled=True)
     _search: Search
@@ -166,7 +168,7 @@ class MotivatedStrategy(EvolutionStrategy):
             no reward (the paper draws it at random).
     """
 
-    learning_rate: float = setting(2.0, check_positive, convert=_constant)
+    learning_rate: float = setting(2.0, check_positive, convert=_constant, idle_with="search")
     phi: float | str = setting("adaptive", check_phi, part="_fitness")
     no_reward: str = setting("ignore", partial(check_choice, ("ignore", "random")), part="_fitness")
 

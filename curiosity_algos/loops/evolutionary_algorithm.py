@@ -201,8 +201,12 @@ class EvolutionaryAlgorithm(PopulationModel):
             choice = self._evaluator_choice
             self.evaluator = choose_evaluator(choice, self.env, self.policy_kwargs, self.n_threads)
         self._show_best()
-        declared = {name for name, one in self._declared.items() if one.is_settled}
-        self._settled = {*_SETTLED, *declared}
+        arguments = self._settings()
+        self._settled = {*_SETTLED} | {
+            name
+            for name, one in self._declared.items()
+            if one.is_settled or arguments.get(one.idle_with or "") is not None
+        }
 
     def set_env(
         self, env: GymEnv, force_reset: bool = True, *, evaluator: Evaluator | str | None = None

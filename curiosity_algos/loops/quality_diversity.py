@@ -72,8 +72,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
     archive: Any = setting(None, settled=True)
     archive_class: ClassVar[Any] = EliteArchive | PyribsArchive
     """Archives that the algorithm can work on."""
-    population_size: int = setting(POPULATION_SIZE, check_at_least_one)
-    sigma: float = setting(0.3, check_positive)
+    population_size: int = setting(POPULATION_SIZE, check_at_least_one, idle_with="emitters")
+    sigma: float = setting(0.3, check_positive, idle_with="emitters")
     emitters: MakeEmitters | None = setting(None, settled=True)
     _own_archive: EliteArchive | PyribsArchive | None
 

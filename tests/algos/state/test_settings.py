@@ -4,11 +4,13 @@ import inspect
 
 import numpy as np
 import pytest
+from ribs.emitters import GaussianEmitter
 from stable_baselines3.common.callbacks import BaseCallback
 
 from curiosity_algos import (
     CMAME,
     NSES,
+    NSLC,
     CuriosityES,
 )
 from tests.algos.conftest import SETTINGS
@@ -97,14 +99,28 @@ def test_what_parts_were_made_with_stays(algorithm, make_model, make_easy_maze):
     assert vars(model) == before
 
 
-class TestWithoutEffect:
-    def test_on_a_search_of_ones_own(self, make_model, make_easy_maze):
-        own = make_model(NSES, make_easy_maze())._search
-        model = make_model(NSES, make_easy_maze(), search=own)
-        for name in ("population_size", "n_parents", "sigma", "learning_rate", "step"):
-            with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
-                setattr(model, name, 1)
-        model.phi = 0.5
+@pytest.mark.parametrize(
+    ("algorithm", "part", "names"),
+    [
+        (NSES, "search", ["population_size", "n_parents", "sigma", "learning_rate", "step"]),
+        (NSLC, "archive", ["k", "archive_size"]),
+        (NSLC, "emitters", ["population_size", "sigma", "n_parents"]),
+        (CMAME, "emitters", ["sigma", "restart_interval"]),
+    ],
+)
+def test_what_has_no_effect_on_a_part_of_ones_own_stays(
+    algorithm, part, names, make_model, make_easy_maze
+):
+    def emitters(archive, x0, seed):
+        return [GaussianEmitter(archive, sigma=0.1, x0=x0, batch_size=6, seed=seed)]
+
+    made = make_model(algorithm, make_easy_maze())
+    own = {"search": getattr(made, "_search", None), "emitters": emitters}
+    own["archive"] = getattr(made, "archive", None)
+    model = make_model(algorithm, make_easy_maze(), **{part: own[part]})
+    for name in names:
+        with pytest.raises(ValueError, match=f"^`{name}` must stay as it was set"):
+            setattr(model, name, 1)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -13,6 +14,8 @@ import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.utils import check_for_correct_spaces
 
+from curiosity_algos.archives.base import EliteArchive
+from curiosity_algos.archives.pyribs import PyribsArchive, archive_settings
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.state.file import StateFile, read
@@ -76,6 +79,8 @@ def settings_for_file(model: Any) -> dict[str, Any]:
         elif is_given or name == "evaluator":  # others the constructor makes again
             named = value if isinstance(value, type) else type(value)
             content["objects"][name] = named.__qualname__
+            if isinstance(value, EliteArchive | PyribsArchive):
+                content["objects"][name] += f" {json.dumps(archive_settings(value))}"
     return content
 
 
@@ -150,6 +155,13 @@ def make_model(
     for name in in_force.keys() & vars(model).keys():
         setattr(model, name, in_force[name])
     _see_saved(model, settings)
+    kinds = settings_for_file(model)["objects"]
+    for name in ("archive", "search", "emitters"):
+        kind, saved = kinds.get(name, "none"), settings.objects.get(name, "none")
+        if kind != saved and (name == "archive" or "none" in (kind, saved)):  # functions vary
+            raise ValueError(
+                f"`{name}` must be given to `load` as to the saved model, {saved}, got {kind}."
+            )
     model._setup_model()
     return model
 

@@ -190,6 +190,12 @@ class TestObjects:
             one.learn(300, reset_num_timesteps=False)
         assert_same_run(model, loaded)
 
+    def test_an_object_that_it_was_saved_without_is_refused(self, make_easy_maze, path):
+        search = CanonicalES(make_easy_maze(), population_size=4)._search
+        CanonicalES(make_easy_maze(), population_size=4).save(path)
+        with pytest.raises(ValueError, match=r"`search` must be given to `load` as to .*, none"):
+            CanonicalES.load(path, search=search)
+
     def test_what_a_user_gave_is_in_its_part_alone(self, make_easy_maze):
         search = CanonicalES(make_easy_maze(), population_size=4)._search
         model = CanonicalES(make_easy_maze(), search=search)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option, echo
 
@@ -18,11 +18,19 @@ def export(
         str, Option(help="Id of the dataset, such as curiosity/us-v0, or the .onnx file.")
     ],
     policies: Annotated[
-        str, Option(help="Policies that play: elites, rewarding, or a sample of all.")
-    ] = "rewarding",
+        str | None,
+        Option(
+            help="Policies that play: elites, rewarding, or a sample of all.",
+            show_default="rewarding",
+        ),
+    ] = None,
     n_policies: Annotated[
-        int, Option(help="Most policies that play. If there are more, a sample is drawn.")
-    ] = 1000,
+        int | None,
+        Option(
+            help="Most policies that play. If there are more, a sample is drawn.",
+            show_default="1000",
+        ),
+    ] = None,
     trust: Trust = False,
 ) -> None:
     """Write episodes of a run for Minari, or its policy as ONNX.
@@ -38,9 +46,13 @@ def export(
     check_choice(("minari", "onnx"), to=to)
     if trust:
         find_own_modules()
+    options: dict[str, Any] = {"policies": policies, "n_policies": n_policies}
+    options = {name: value for name, value in options.items() if value is not None}
     if to == "onnx":
+        for name in options:
+            raise ValueError(f"`{name}` must be left out with --to onnx, for the best policy only.")
         export_onnx(run, out)
         echo(out)
         return
-    dataset = export_minari(run, out, policies=policies, n_policies=n_policies, trust=trust)
+    dataset = export_minari(run, out, **options, trust=trust)
     echo(f"{dataset.total_episodes:,} episodes, {dataset.total_steps:,} steps: {out}")

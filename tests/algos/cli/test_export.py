@@ -29,6 +29,9 @@ def test_a_policy(run, run_here, refused, tmp_path):
     assert run_here("export", run, "--to", "onnx", "--out", "best.onnx") == (0, "best.onnx\n", "")
     assert (tmp_path / "best.onnx").stat().st_size > 100
     assert "`out` must end in .onnx" in refused("export", run, "--to", "onnx", "--out", "best")
+    for words in (["--policies", "elites"], ["--n-policies", "3"]):
+        said = refused("export", run, "--to", "onnx", "--out", "best.onnx", *words)
+        assert "must be left out with --to onnx" in said
 
 
 def test_a_wrong_target(run, refused):

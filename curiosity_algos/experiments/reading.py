@@ -39,8 +39,15 @@ def damaged(path: Path) -> ValueError:
     return ValueError(f"`folder` must be that of a run, {path} is damaged.")
 
 
+def _check_no_pipe(path: Path) -> None:
+    """Raise the error of a damaged file for a pipe, which would be waited for."""
+    if path.exists() and not path.is_file():
+        raise damaged(path)
+
+
 def read_json(path: Path, types: JsonTypes) -> dict[str, Any]:
     """A dictionary with fields of these types."""
+    _check_no_pipe(path)
     try:
         fields: dict[str, Any] = json.loads(path.read_text())
         is_valid = all(isinstance(fields[name], kind) for name, kind in types.items())
@@ -53,6 +60,7 @@ def read_json(path: Path, types: JsonTypes) -> dict[str, Any]:
 
 def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
     """The arrays of a file, which must have numeric ones of these dimensions."""
+    _check_no_pipe(path)
     try:
         with np.load(path) as file:
             arrays = dict(file)
@@ -79,6 +87,7 @@ def read_final_states(paths: list[Path]) -> Columns:
 
 def read_log(path: Path) -> pd.DataFrame:
     """The whole rows of a log as text; none if there is no file."""
+    _check_no_pipe(path)
     try:
         content = path.read_bytes() if path.exists() else b""
         whole = content[: content.rfind(b"\n") + 1]  # a kill may leave half a row

@@ -196,6 +196,9 @@ def test_final_states_of_other_columns_are_damaged(run, changed):
     [
         ("run.json", b"{"),
         ("run.json", b"[]"),
+        ("checkpoints/10/result.json", None),  # a pipe, which would be waited for
+        ("final_states/0000000000.npz", None),
+        ("progress.csv", None),
         ("checkpoints/10/result.json", b"{"),
         ("checkpoints/10/result.json", b'{"timesteps": "many"}'),
         ("final_states/0000000000.npz", b"PK\x03\x04"),
@@ -207,7 +210,12 @@ def test_damage_is_named(run, name, content):
     run.begin({"algorithm": "NSES"})
     write_json(run.path / "checkpoints" / "10" / "result.json", RESULT | {"timesteps": 10})
     run.add_final_states(0, final_states(0))
-    (run.path / name).write_bytes(content)
+    path = run.path / name
+    if content is None:
+        path.unlink(missing_ok=True)
+        os.mkfifo(path)
+    else:
+        path.write_bytes(content)
     with pytest.raises(ValueError, match=f"{name} is damaged"):
         _ = (
             run.describe(),

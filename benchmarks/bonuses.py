@@ -7,22 +7,18 @@ one that was interrupted goes on.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from copy import deepcopy
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import stable_baselines3 as sb3
 import typer
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 
 from benchmarks.learning import MAZES, WORLDS
-from benchmarks.off_policy import TD3_SETTINGS
+from benchmarks.off_policy import TD3_SETTINGS, Stored
 from benchmarks.results import FOLDER, collect
-from curiosity_algos import BonusVecEnvWrapper
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import sweep
@@ -32,16 +28,6 @@ SPARSE = ("MountainCarContinuous-v0", "CuriositySparse-PointMaze_Large-v0")
 """Tasks of others' where reward is far away."""
 SAMPLED = tuple(name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes"))
 """Bonuses that a replay buffer takes: they ask for no episodes."""
-
-
-class Stored(RunSpec):
-    """A run of SAC whose bonus stays as it was collected."""
-
-    def make(self) -> BaseAlgorithm:
-        """A model that has not trained."""
-        venv = BonusVecEnvWrapper(self._make_env(), bonus=self.bonus, seed=self.seed, device="cpu")
-        # Copied, as SAC writes into its `policy_kwargs`.
-        return sb3.SAC("MlpPolicy", venv, seed=self.seed, **deepcopy(self.settings))
 
 
 # As docs/bonuses_sb3.md has them for sparse rewards.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from stable_baselines3 import TD3
+from stable_baselines3 import SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecMonitor
@@ -26,9 +27,10 @@ from benchmarks.measure import (
 )
 from benchmarks.products import products_of_errors
 from benchmarks.roofline import products_task
-from curiosity_algos import TD3ICM, BonusReplayBuffer, GymnasiumVecEnv
+from curiosity_algos import TD3ICM, BonusReplayBuffer, BonusVecEnvWrapper, GymnasiumVecEnv
 from curiosity_algos.algorithms import td3_icm
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_gym.compiled import ThreadPool
 
 MAZE = "CuriosityMaze-US-v0"
@@ -51,6 +53,19 @@ TD3_SETTINGS: dict[str, Any] = {
 """Those that SB3's TD3 has in common with TD3ICM."""
 SCORED = "rewards of samples"
 STAGES = ("environment", SCORED, "bonus updates", "actor and critic", "rest")
+
+
+class Stored(RunSpec):
+    """A run of SAC whose bonus stays as it was collected.
+
+    It is here because the processes of a sweep cannot import the script that was started.
+    """
+
+    def make(self) -> BaseAlgorithm:
+        """A model that has not trained."""
+        venv = BonusVecEnvWrapper(self._make_env(), bonus=self.bonus, seed=self.seed, device="cpu")
+        # Copied, as SAC writes into its `policy_kwargs`.
+        return SAC("MlpPolicy", venv, seed=self.seed, **deepcopy(self.settings))
 
 
 def make_td3(**changes: Any) -> TD3:

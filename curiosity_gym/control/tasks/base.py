@@ -48,7 +48,7 @@ class ControlTask:
     start: ClassVar[Mapping[str, float]]
     """By joint, its position at the fixed start, where that is not the model's own."""
     target: ClassVar[str | None] = None
-    """Kind of the model's "target", "site" or "body", if random starts move it; or None."""
+    """Kind of the model's "target", such as "site", if random starts move it; or None."""
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     """By name, entries of the behavior that are also counted alone."""
     behavior_names: ClassVar[tuple[str, ...]]

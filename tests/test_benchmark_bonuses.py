@@ -40,3 +40,8 @@ def test_off_policy_algorithms_stand_beside_a_stored_bonus(tmp_path):
     runs = pd.read_csv(tmp_path / "off_policy.csv")
     assert runs["algorithm"].tolist() == ["SAC + APT", "SAC + APT, stored", "TD3"]
     assert runs["timesteps"].tolist() == [2560, 2560, 2560]
+
+
+def test_processes_of_a_sweep_can_import_every_run():
+    modules = {type(run).__module__ for runs in bonuses.RUNS.values() for run in runs}
+    assert bonuses.__name__ not in modules  # which is `__main__` where it is started

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,6 +28,7 @@ class ExplorationCallback(BaseCallback):
     `time/first_reward` and `time/first_success`. It logs `intrinsic/mean` and
     `intrinsic/max` of the steps since the last log, and the losses of the last training of a
     `BonusVecEnvWrapper`; of a `BonusReplayBuffer` all are those of its last training.
+    It warns where a model that has trained goes on with a new wrapper.
 
     Attributes:
         coverage: Its `reachable` and `all` are the shares of cells in which episodes ended, its
@@ -67,6 +69,7 @@ class ExplorationCallback(BaseCallback):
         return self._episodes.best_return
 
     def _on_training_start(self) -> None:
+        _warn_of_a_new_wrapper(self.model)
         grid = coverage_grid(self.training_env)
         if grid != self.coverage.grid:
             self._episodes = EpisodeRecord(grid)
@@ -144,6 +147,9 @@ class BonusCheckpointCallback(CheckpointCallback):
             raise ValueError("`env` must be wrapped in a BonusVecEnvWrapper, it is not.")
         super()._init_callback()
 
+    def _on_training_start(self) -> None:
+        _warn_of_a_new_wrapper(self.model)
+
     def _on_step(self) -> bool:
         wrapper = bonus_wrapper(self.model)
         # The model comes second, so that wherever there is one its wrapper is there too.
@@ -156,3 +162,15 @@ def bonus_wrapper(model: BaseAlgorithm) -> BonusVecEnvWrapper | None:
     """The `BonusVecEnvWrapper` that a model learns with, or None."""
     venv = model.get_env()
     return None if venv is None else unwrap_vec_wrapper(venv, BonusVecEnvWrapper)
+
+
+def _warn_of_a_new_wrapper(model: BaseAlgorithm) -> None:
+    """Warn if a model that has trained goes on with a wrapper that has seen no step."""
+    wrapper = bonus_wrapper(model)
+    is_new = wrapper is not None and wrapper.training and not len(wrapper.buffer)
+    if is_new and (model.num_timesteps or model._n_updates):
+        warnings.warn(
+            "The model has trained, and its BonusVecEnvWrapper is new: its bonus begins anew. Wrap "
+            "the environment with BonusVecEnvWrapper.load to go on with what was saved.",
+            stacklevel=2,
+        )

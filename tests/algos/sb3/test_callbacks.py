@@ -1,3 +1,5 @@
+import warnings
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -174,3 +176,23 @@ class TestCheckpoints:
     def test_without_a_wrapper_it_would_save_none(self, tmp_path):
         with pytest.raises(ValueError, match="`env` must be wrapped in a BonusVecEnvWrapper"):
             train(make_vec_env("Pendulum-v1"), 10, BonusCheckpointCallback(5, str(tmp_path)))
+
+
+class TestNewWrapper:
+    @pytest.mark.parametrize("kind", ["exploration", "checkpoint"])
+    def test_a_model_that_has_trained_is_warned_of_one(self, kind, tmp_path):
+        venv = wrapped()
+        model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+        model.learn(160).save(tmp_path / "model")
+        venv.save(tmp_path / "bonus.npz")
+        callback = {
+            "exploration": ExplorationCallback(),
+            "checkpoint": BonusCheckpointCallback(1000, str(tmp_path)),
+        }[kind]
+        settings = {"total_timesteps": 160, "callback": callback, "reset_num_timesteps": False}
+        with pytest.warns(UserWarning, match="has trained, and its BonusVecEnvWrapper is new"):
+            PPO.load(tmp_path / "model", wrapped(), device="cpu").learn(**settings)
+        inner = make_vec_env("Pendulum-v1", n_envs=2)
+        loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.npz", inner, device="cpu")
+        with warnings.catch_warnings(action="error"):
+            PPO.load(tmp_path / "model", loaded, device="cpu").learn(**settings)

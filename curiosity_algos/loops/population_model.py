@@ -262,7 +262,8 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             device: Unused, states are copied to where the parts are.
 
         Raises:
-            ValueError: If parts are missing, or unknown, or of another model.
+            ValueError: If parts are missing, or unknown, or of another model; if there is a policy
+                without the state of the search, which would not begin there.
         """
         parts = self._parts()
         parameters: Any = load_path_or_dict
@@ -270,6 +271,9 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             _, parameters = read(model_path(load_path_or_dict), type(self).__name__)
             del parameters["progress"]
         check_keys(parameters, parts if exact_match else parts.keys() & parameters, "parameters")
+        searches = parts.keys() & {"search", "archive"}
+        if "policy" in parameters and searches and not searches & parameters.keys():
+            raise ValueError(f"`policy` must come with `{searches.pop()}`, which makes the next.")
         self._load_parts(parameters)
 
     def _load_parts(self, states: Mapping[str, Any]) -> None:

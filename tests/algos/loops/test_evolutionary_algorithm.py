@@ -355,6 +355,8 @@ class TestParameters:
             model.set_parameters({"policy": policy})
         with pytest.raises(ValueError, match="`parameters` must not have `_none`"):
             model.set_parameters({"policy": policy, "_none": {}}, exact_match=False)
+        with pytest.raises(ValueError, match=r"`policy` must come with `(search|archive)`"):
+            model.set_parameters({"policy": policy}, exact_match=False)
         assert_same_run(model, untouched)
 
 

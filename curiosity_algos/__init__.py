@@ -33,6 +33,11 @@ if TYPE_CHECKING:
     from curiosity_algos.common.presets import load_preset as load_preset
     from curiosity_algos.evaluation.evaluator import make_evaluator as make_evaluator
     from curiosity_algos.evaluation.rollouts import Rollouts as Rollouts
+    from curiosity_algos.robust.demonstrations import Demonstration as Demonstration
+    from curiosity_algos.robust.measure import Starts as Starts
+    from curiosity_algos.robust.measure import evaluate_starts as evaluate_starts
+    from curiosity_algos.robust.robustify import robustify as robustify
+    from curiosity_algos.robust.starts import DemonstrationStarts as DemonstrationStarts
     from curiosity_algos.sb3.bonus_wrapper import (
         BonusVecEnvWrapper as BonusVecEnvWrapper,
     )
@@ -67,6 +72,8 @@ _MODULES = {
     "CanonicalES": "algorithms.canonical_es",
     "CuriosityES": "algorithms.curiosity_es",
     "CuriosityMAPElites": "algorithms.curiosity_map_elites",
+    "Demonstration": "robust.demonstrations",
+    "DemonstrationStarts": "robust.starts",
     "Disagreement": "bonuses.disagreement",
     "ExplorationCallback": "sb3.callbacks",
     "FinalBehaviors": "sb3.callbacks",
@@ -76,8 +83,11 @@ _MODULES = {
     "NovelD": "bonuses.noveld",
     "Rollouts": "evaluation.rollouts",
     "SmallCNN": "bonuses.encoders",
+    "Starts": "robust.measure",
+    "evaluate_starts": "robust.measure",
     "load_preset": "common.presets",
     "make_evaluator": "evaluation.evaluator",
+    "robustify": "robust.robustify",
 }
 """Public name: module that defines it."""
 __all__ = list(_MODULES)

@@ -17,7 +17,7 @@ FLOORS = [
     ["curiosity"],
     ["archives", "motivations", "sb3", "search"],
     ["loops"],
-    ["algorithms"],
+    ["algorithms", "robust"],
     ["experiments"],
     ["cli"],
 ]

@@ -93,6 +93,18 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
                 return False
         return bool(self._digest == state["digest"])
 
+    def replay(self, seed: int, actions: Any) -> tuple[Any, float]:
+        """Begin the episode of a seed and take actions (n, ...): the last observation, the return.
+
+        The episode may end with the last of them, and not before.
+        """
+        observation, _ = self.reset(seed=seed)
+        total = 0.0
+        for action in actions:
+            observation, reward, *_ = self.step(action)
+            total += float(reward)
+        return observation, total
+
 
 def _bytes(value: Any) -> bytes:
     """The bytes of an observation, whatever its space."""

@@ -1,0 +1,1 @@
+"""From found episodes to a policy that works from any start."""

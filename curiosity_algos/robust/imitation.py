@@ -1,0 +1,110 @@
+"""Behavior cloning: a policy of Stable-Baselines3 begins as demonstrations act."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch as th
+from gymnasium import spaces
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.utils import obs_as_tensor
+
+from curiosity_algos.common.arrays import Int64Array
+from curiosity_algos.common.networks import RunningNormalizer
+from curiosity_algos.robust.demonstrations import Demonstration
+
+N_STEPS = 3_000
+BATCH_SIZE = 128
+LEARNING_RATE = 1e-3
+NOISE = 0.05
+"""Of observations, in their standard deviations: a policy must act near the episode, too."""
+WITHIN = 0.9
+"""Of the way to a limit that actions are aimed at: beyond it their draws tell nothing."""
+
+
+class Standardized(BaseFeaturesExtractor):
+    """Observations in standard deviations from their mean, which are part of the policy's file.
+
+    Args:
+        observation_space: A Box of vectors.
+    """
+
+    def __init__(self, observation_space: spaces.Box[Any]) -> None:
+        super().__init__(observation_space, int(np.prod(observation_space.shape)))
+        self.normalizer = RunningNormalizer(self.features_dim)
+
+    def forward(self, observations: th.Tensor) -> th.Tensor:
+        """Features (n, features_dim)."""
+        features: th.Tensor = self.normalizer(observations.flatten(1))
+        return features
+
+    def observe(self, observations: th.Tensor) -> None:
+        """Learn the mean and the deviations of observations (n, ...)."""
+        self.normalizer.observe(observations.flatten(1))
+
+
+class Imitation:
+    """Fits a policy's best actions to those of demonstrations.
+
+    Args:
+        model: Whose policy it is.
+        demonstrations: At least one.
+        seed: Of the draws.
+    """
+
+    def __init__(
+        self, model: OnPolicyAlgorithm, demonstrations: Sequence[Demonstration], *, seed: int
+    ) -> None:
+        self.model = model
+        self.seed = seed
+        self._observations, self._actions = _tensors(model, demonstrations)
+        self._steps = np.concatenate([np.arange(len(each)) for each in demonstrations])
+        self._which = np.repeat(np.arange(len(demonstrations)), [len(d) for d in demonstrations])
+
+    def fit(self, n_steps: int, fronts: Int64Array | None = None) -> None:
+        """Take gradient steps, on what is ahead of each front; None: on all."""
+        ahead = np.arange(len(self._steps))
+        if fronts is not None:
+            ahead = np.flatnonzero(self._steps <= fronts[self._which])
+        policy = self.model.policy
+        fitted = [value for name, value in policy.named_parameters() if name != "log_std"]
+        optimizer = th.optim.Adam(fitted, lr=LEARNING_RATE)
+        draws = np.random.default_rng([self.seed, self.model.num_timesteps])
+        for _ in range(n_steps):
+            chosen = th.as_tensor(draws.choice(ahead, BATCH_SIZE), device=self.model.device)
+            batch = self._noisy(chosen, draws)
+            _, log_prob, _ = policy.evaluate_actions(batch, self._actions[chosen])
+            optimizer.zero_grad()
+            (-log_prob.mean()).backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+
+    def _noisy(self, chosen: th.Tensor, draws: np.random.Generator) -> Any:
+        """Some of the observations; vectors of floats with noise."""
+        if isinstance(self._observations, dict):
+            return {key: part[chosen] for key, part in self._observations.items()}
+        batch: th.Tensor = self._observations[chosen]
+        if not batch.is_floating_point():
+            return batch
+        noise = th.as_tensor(draws.standard_normal(batch.shape), dtype=batch.dtype)
+        return batch + NOISE * self._observations.std(dim=0) * noise.to(self.model.device)
+
+
+def _tensors(
+    model: OnPolicyAlgorithm, demonstrations: Sequence[Demonstration]
+) -> tuple[Any, th.Tensor]:
+    seen = [observation for each in demonstrations for observation in each.observations]
+    first = seen[0]
+    stacked: Any = (
+        {key: np.stack([observation[key] for observation in seen]) for key in first}
+        if isinstance(first, dict)
+        else np.stack(seen)
+    )
+    actions = np.concatenate([each.actions for each in demonstrations])
+    space = model.action_space
+    if isinstance(space, spaces.Box):
+        middle = (space.high + space.low) / 2
+        actions = middle + WITHIN * (np.clip(actions, space.low, space.high) - middle)
+    return obs_as_tensor(stacked, model.device), th.as_tensor(actions, device=model.device)

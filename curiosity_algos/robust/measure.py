@@ -1,0 +1,72 @@
+"""Does a policy hold? The share of unseen starts from which it succeeds."""
+
+from __future__ import annotations
+
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from scipy.stats import binomtest
+
+from curiosity_algos.common.arrays import Float64Array, Mask
+from curiosity_algos.robust.demonstrations import demonstrate
+from curiosity_gym.validation import check_at_least_one, check_seed
+
+UNSEEN = 10_000
+"""The first seed of starts that no search has played, unless a user says another."""
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Episodes from starts that a policy had not seen.
+
+    Attributes:
+        success: (n,) whether each succeeded.
+        returns: (n,) their returns.
+    """
+
+    success: Mask
+    returns: Float64Array
+
+    @property
+    def share(self) -> float:
+        """The share that succeeded."""
+        return float(self.success.mean())
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Its 95 % confidence interval (Wilson 1927)."""
+        test = binomtest(int(self.success.sum()), len(self.success))
+        low, high = test.proportion_ci(method="wilson")
+        return float(low), float(high)
+
+    def __str__(self) -> str:
+        """In words."""
+        low, high = self.interval
+        count = f"{int(self.success.sum())} of {len(self.success)} starts"
+        return f"{count} (95 % interval {low:.0%} to {high:.0%})"
+
+
+def evaluate_starts(
+    model: Any, env: gym.Env[Any, Any] | str, n: int = 100, *, seed: int = UNSEEN
+) -> Starts:
+    """Play one episode from each of `n` starts, by the best actions.
+
+    Args:
+        model: Anything with SB3's `predict`.
+        env: A seeded environment, or an id.
+        n: Number of starts.
+        seed: Of the first start; the others count up from there.
+
+    Raises:
+        ValueError: If an argument is out of its range.
+    """
+    check_at_least_one(n=n)
+    check_seed(seed)
+    opened = gym.make(env) if isinstance(env, str) else env
+    with closing(opened) if isinstance(env, str) else nullcontext():
+        played = [demonstrate(model, opened, seed + i) for i in range(n)]
+    success = np.array([episode.success for episode in played])
+    return Starts(success, np.array([episode.total for episode in played]))

@@ -1,0 +1,36 @@
+"""The share of unseen starts from which a policy succeeds."""
+
+import math
+
+import numpy as np
+import pytest
+from walk import Right, Walk
+
+from curiosity_algos.robust.measure import Starts, evaluate_starts
+
+
+@pytest.mark.parametrize(("k", "n"), [(0, 10), (93, 100), (7, 7)])
+def test_the_interval_is_wilsons(k, n):
+    starts = Starts(np.arange(n) < k, np.zeros(n))
+    z, p = 1.959963984540054, k / n
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    assert starts.share == p
+    assert starts.interval == pytest.approx((middle - half, middle + half), abs=1e-9)
+    assert str(starts).startswith(f"{k} of {n} starts (95 % interval ")
+
+
+def test_every_start_is_another_and_each_seed_its_own():
+    reached, missed = evaluate_starts(Right(), Walk(), 20), evaluate_starts(Right(0.1), Walk(), 5)
+    assert reached.success.all()
+    assert not missed.success.any()
+    slow = [evaluate_starts(Right(0.34), Walk(), 20, seed=seed).success for seed in (0, 1)]
+    assert 0 < slow[0].mean() < 1
+    np.testing.assert_array_equal(slow[0][1:], slow[1][:-1])
+
+
+def test_mistakes_are_one_sentence():
+    with pytest.raises(ValueError, match="`n`"):
+        evaluate_starts(Right(), Walk(), 0)
+    with pytest.raises(ValueError, match="`seed`"):
+        evaluate_starts(Right(), Walk(), seed=-1)

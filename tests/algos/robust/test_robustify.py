@@ -1,0 +1,85 @@
+"""From found episodes to a policy that works from any start."""
+
+import io
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from walk import Right, Walk
+
+from curiosity_algos import CuriosityES
+from curiosity_algos.robust import robustify as module
+from curiosity_algos.robust.demonstrations import demonstrate, demonstrations_of
+from curiosity_algos.robust.measure import evaluate_starts
+from curiosity_algos.robust.robustify import robustify
+
+
+@pytest.fixture
+def demonstration():
+    return demonstrate(Right(), Walk(), seed=3)
+
+
+@pytest.fixture
+def often(monkeypatch):
+    """Test whether the policy works after each rollout."""
+    monkeypatch.setattr(module, "TEST_INTERVAL", 8_192)
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Imitate for a moment, and play in few environments."""
+    monkeypatch.setattr(module, "N_STEPS", 20)
+    monkeypatch.setattr(module, "N_ENVS", 4)
+
+
+def test_a_policy_works_from_any_start_and_the_training_ends_by_itself(often, demonstration):
+    model = robustify([demonstration], Walk, total_timesteps=2e5, seed=0, device="cpu")
+    assert model.num_timesteps < 2e5
+    assert evaluate_starts(model, Walk(), 50).share >= 0.95
+    file = io.BytesIO()
+    model.save(file)
+    file.seek(0)
+    observation = np.array([0.3, 2.0], np.float32)
+    models = model, PPO.load(file, device="cpu")
+    actions = [one.predict(observation, deterministic=True)[0] for one in models]
+    np.testing.assert_array_equal(*actions)
+
+
+def test_seeds_decide(short, demonstration):
+    def train(seed):
+        kwargs = {"total_timesteps": 1, "device": "cpu"}
+        return robustify([demonstration], Walk, seed=seed, **kwargs).policy.state_dict()
+
+    one, twin, other = train(0), train(0), train(1)
+    assert all((one[name] == twin[name]).all() for name in one)
+    assert any((one[name] != other[name]).any() for name in one)
+
+
+def test_callbacks_are_called(short, demonstration):
+    steps = []
+    robustify(
+        [demonstration],
+        Walk,
+        total_timesteps=1,
+        callback=lambda values, _: bool(steps.append(values["self"].num_timesteps)) or True,
+    )
+    assert steps[-1] == 256 * 4
+
+
+def test_a_search_demonstrates_by_its_best_policy_and_by_elites(make_easy_maze):
+    model = CuriosityES(make_easy_maze(), population_size=6, seed=0).learn(3_000)
+    (best, *others) = demonstrations_of(model, make_easy_maze())
+    assert best.total == pytest.approx(model.best_return)
+    assert best.success
+    assert not others
+
+
+def test_mistakes_are_one_sentence(make_easy_maze, demonstration):
+    model = CuriosityES(gym.make("CuriosityMaze-Hard-v0"), population_size=4, seed=0).learn(1)
+    with pytest.raises(ValueError, match="`model` must have found an episode that succeeds"):
+        robustify(model)
+    with pytest.raises(ValueError, match="`env` must be an id"):
+        robustify([demonstration])
+    with pytest.raises(ValueError, match="`success`"):
+        robustify([demonstration], Walk, success=1.5)

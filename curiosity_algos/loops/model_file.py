@@ -14,8 +14,6 @@ import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.utils import check_for_correct_spaces
 
-from curiosity_algos.archives.base import EliteArchive
-from curiosity_algos.archives.pyribs import PyribsArchive, archive_settings
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.state.file import StateFile, read
@@ -77,11 +75,19 @@ def settings_for_file(model: Any) -> dict[str, Any]:
         if _fits_json(value):
             content["keywords" if is_given else "attributes"][name] = value
         elif is_given or name == "evaluator":  # others the constructor makes again
-            named = value if isinstance(value, type) else type(value)
-            content["objects"][name] = named.__qualname__
-            if isinstance(value, EliteArchive | PyribsArchive):
-                content["objects"][name] += f" {json.dumps(archive_settings(value))}"
+            content["objects"][name] = _kind(name, value)
     return content
+
+
+def _kind(name: str, value: Any) -> str:
+    """What an object is that no file holds, of an archive with its settings."""
+    kind = (value if isinstance(value, type) else type(value)).__qualname__
+    if name != "archive":
+        return kind
+    # Not above: it imports pyribs, and most algorithms need none of it.
+    from curiosity_algos.archives.pyribs import archive_settings
+
+    return f"{kind} {json.dumps(archive_settings(value))}"
 
 
 def _fits_json(value: Any) -> bool:

@@ -3,8 +3,8 @@ import pytest
 import torch as th
 from gymnasium import spaces
 from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts, only
+from recorder import Recorder
 
-from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 
@@ -22,13 +22,8 @@ SPACE = spaces.Box(-1, 1, (4,))
 ACTIONS = [spaces.Box(-1, 1, (2,)), spaces.Discrete(6)]
 
 
-class Recorder(Bonus):
-    """A bonus that tells all parts of a transition apart, and remembers its training."""
-
-    name = "recorder"
-
-    def __init__(self):
-        self.observed, self.batches = [], []
+class PartsRecorder(Recorder):
+    """Tells all parts of a transition apart."""
 
     def score_trajectory(self, observations, actions):
         assert len(observations) == len(actions) + 1
@@ -36,19 +31,6 @@ class Recorder(Bonus):
 
     def score(self, observations, actions, next_observations):
         return np.zeros(len(observations))
-
-    def observe(self, observations):
-        self.observed.append(observations)
-
-    def update(self, *batch):
-        self.batches.append(batch)
-        return {"loss": float(len(self.batches))}
-
-    def state_dict(self):
-        return {}
-
-    def load_state_dict(self, state):
-        pass
 
 
 def make_motivation(bonus=None, *, action_space=None, **changes):
@@ -61,7 +43,7 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
     )
 
 
-class Boundless(Recorder):
+class Boundless(PartsRecorder):
     """A bonus without a number."""
 
     def score_trajectory(self, observations, actions):
@@ -93,7 +75,7 @@ class TestScore:
     def test_some_states_are_enough(self, n_states, n_together, monkeypatch):
         monkeypatch.setattr("curiosity_algos.motivations.curiosity.N_TOGETHER", n_together)
 
-        class WhereItLeads(Recorder):
+        class WhereItLeads(PartsRecorder):
             def score(self, observations, actions, next_observations):
                 return self.score_trajectory(
                     np.concatenate([observations[:1], next_observations]), actions
@@ -162,7 +144,7 @@ class TestScore:
 
 class TestUpdate:
     def test_remembers_transitions_of_every_individual(self):
-        rollouts, motivation = make_rollouts(), make_motivation(Recorder(), n_transitions=40)
+        rollouts, motivation = make_rollouts(), make_motivation(PartsRecorder(), n_transitions=40)
         motivation.update(rollouts)
         assert len(motivation.buffer) == 40 * len(LENGTHS)
         held = motivation.buffer.state_dict()
@@ -182,7 +164,7 @@ class TestUpdate:
             assert len(np.unique(rows[i], axis=0)) >= 0.9 * length
 
     def test_the_bonus_observes_what_enters_the_buffer_and_where_episodes_terminated(self):
-        motivation, rollouts = make_motivation(Recorder()), make_rollouts()
+        motivation, rollouts = make_motivation(PartsRecorder()), make_rollouts()
         motivation.update(rollouts)
         held = motivation.buffer.state_dict()
         ends = rollouts.final_observations[rollouts.terminated]

@@ -53,6 +53,9 @@ class Imitation:
         model: Whose policy it is.
         demonstrations: At least one.
         seed: Of the draws.
+
+    Attributes:
+        observations: Of all demonstrations in a row, as the policy takes them.
     """
 
     def __init__(
@@ -60,7 +63,8 @@ class Imitation:
     ) -> None:
         self.model = model
         self.seed = seed
-        self._observations, self._actions = _tensors(model, demonstrations)
+        self.observations, self._actions = _tensors(model, demonstrations)
+        self._noise = _noise_of(self.observations)
         self._steps = np.concatenate([np.arange(len(each)) for each in demonstrations])
         self._which = np.repeat(np.arange(len(demonstrations)), [len(d) for d in demonstrations])
 
@@ -83,13 +87,19 @@ class Imitation:
 
     def _noisy(self, chosen: th.Tensor, draws: np.random.Generator) -> Any:
         """Some of the observations; vectors of floats with noise."""
-        if isinstance(self._observations, dict):
-            return {key: part[chosen] for key, part in self._observations.items()}
-        batch: th.Tensor = self._observations[chosen]
-        if not batch.is_floating_point():
+        if isinstance(self.observations, dict):
+            return {key: part[chosen] for key, part in self.observations.items()}
+        batch: th.Tensor = self.observations[chosen]
+        if self._noise is None:
             return batch
         noise = th.as_tensor(draws.standard_normal(batch.shape), dtype=batch.dtype)
-        return batch + NOISE * self._observations.std(dim=0) * noise.to(self.model.device)
+        return batch + self._noise * noise.to(self.model.device)
+
+
+def _noise_of(observations: Any) -> th.Tensor | None:
+    """The deviation of the noise of each entry; None: there is none."""
+    is_floats = isinstance(observations, th.Tensor) and observations.is_floating_point()
+    return NOISE * observations.std(dim=0) if is_floats else None
 
 
 def _tensors(

@@ -104,8 +104,10 @@ def robustify(
     starts = DemonstrationStarts(_open(make, single), demonstrations, seed=starts_seed)
     learner = _make_ppo(starts, ppo_seed, device, tensorboard_log, verbose)
     with single_torch_thread():
-        _look(learner, demonstrations)
         imitation = Imitation(learner, demonstrations, seed=imitation_seed)
+        extractor = learner.policy.features_extractor
+        if isinstance(extractor, Standardized):
+            extractor.observe(imitation.observations)
         imitation.fit(N_STEPS)
         watch = Watch(starts, single, imitation, success=success, seed=test_seed)
         callbacks: list[BaseCallback] = [watch, *_as_list(callback)]
@@ -182,14 +184,6 @@ def _gamma(demonstrations: Sequence[Demonstration]) -> float:
 def _is_of_vectors(space: spaces.Space[Any]) -> bool:
     is_floats = isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.floating)
     return is_floats and len(space.shape or ()) == 1
-
-
-def _look(learner: PPO, demonstrations: Sequence[Demonstration]) -> None:
-    """Let the policy know what it is going to see."""
-    extractor = learner.policy.features_extractor
-    if isinstance(extractor, Standardized):
-        seen = np.stack([observed for each in demonstrations for observed in each.observations])
-        extractor.observe(th.as_tensor(seen, device=learner.device))
 
 
 class Watch(BaseCallback):

@@ -121,10 +121,9 @@ class DemonstrationStarts(VecEnvWrapper):
 
     def _begin(self, ids: Sequence[int], observations: VecEnvObs) -> None:
         """Draw the starts of episodes, go there, and write what is observed there."""
-        for i in ids:
-            self._begun[i] = self._draw()
-            self._totals[i] = 0.0
-        starts = {i: (which, step) for i in ids for which, step in [self._begun[i].tolist()]}
+        starts = {i: self._draw() for i in ids}
+        for i, start in starts.items():
+            self._begun[i], self._totals[i] = start, 0.0
         for i, observation in self._places.go(starts, self._rng).items():
             _write(observations, i, observation)
 

@@ -15,12 +15,13 @@ from curiosity_algos.cli.export import export
 from curiosity_algos.cli.list_names import list_names
 from curiosity_algos.cli.plot import plot, report
 from curiosity_algos.cli.reproduce import reproduce
+from curiosity_algos.cli.robustify import robustify
 from curiosity_algos.cli.sweep import sweep
 from curiosity_gym import __version__
 
 INTERRUPTED = 130
 """A command's status after Ctrl-C."""
-TRAINING = {"train", "sweep", "reproduce"}
+TRAINING = {"train", "sweep", "robustify", "reproduce"}
 """Commands that go on with what was interrupted."""
 app = typer.Typer(
     rich_markup_mode=None,
@@ -28,7 +29,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("train")(sweep)
-for command in (enjoy, export, sweep, plot, report, reproduce):
+for command in (robustify, enjoy, export, sweep, plot, report, reproduce):
     app.command()(command)
 app.command("list")(list_names)
 

@@ -41,6 +41,9 @@ def enjoy(
         int | None,
         Option(help="Seed of the episode. Without it, that of the policy's best, or 0."),
     ] = None,
+    starts: Annotated[
+        int, Option(help="Episodes of the film, side by side, whose seeds count up.")
+    ] = 1,
     trust: Trust = False,
 ) -> None:
     """Show or record an episode of a trained policy.
@@ -53,13 +56,13 @@ def enjoy(
     """
     from curiosity_algos.experiments import film
 
-    check_at_least_one(stride=stride)
+    check_at_least_one(stride=stride, starts=starts)
     if trust:
         find_own_modules()
     source = Path(run) if pretrained is None else (pretrained, run)
     if no_render:
         echo(f"Return {film.play(source, seed=seed, trust=trust):.3f}")
-    elif out is None and has_screen():
+    elif out is None and has_screen() and starts == 1:
         echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
     else:
         for name in ("EGL", "OSMesa"):  # MuJoCo draws by these without a screen
@@ -67,7 +70,7 @@ def enjoy(
                 os.environ.setdefault("MUJOCO_GL", name.lower())
         folder = source if isinstance(source, Path) else Path()
         path = folder / "best_policy.gif" if out is None else out
-        total = film.film(source, path, stride=stride, seed=seed, trust=trust)
+        total = film.film(source, path, stride=stride, seed=seed, n_starts=starts, trust=trust)
         echo(f"Return {total:.3f}: {path}")
 
 

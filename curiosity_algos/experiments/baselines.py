@@ -23,6 +23,7 @@ from curiosity_algos.bonuses.make import BONUSES, bonus_keywords
 from curiosity_algos.common.names import find_known, plain_name
 from curiosity_algos.curiosity.curiosity import CuriosityKeywords
 from curiosity_algos.experiments.checkpoint_files import restore_under_way
+from curiosity_algos.robust.imitation import Standardized
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 
@@ -130,6 +131,8 @@ def load_baseline_policy(
     try:
         settings = described["settings"]
         kwargs = {k: v for k, v in settings["policy_kwargs"].items() if "optimizer" not in k}
+        if kwargs.get("features_extractor_class") == Standardized.__name__:
+            kwargs["features_extractor_class"] = Standardized
         if issubclass(cls, OnPolicyAlgorithm):
             kwargs["use_sde"] = settings["use_sde"]
         made = policies[settings["policy"]](seen, env.action_space, lambda _: 0.0, **kwargs)

@@ -5,7 +5,7 @@ The functions raise FileNotFoundError if there is no run, ValueError if it canno
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 import gymnasium as gym
+import numpy as np
 from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
@@ -30,9 +31,11 @@ from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 
-SEEN_THROUGH = {"BonusVecEnvWrapper", "VecTransposeImage"}
+SEEN_THROUGH = {"BonusVecEnvWrapper", "DemonstrationStarts", "VecTransposeImage"}
 """Wrappers of a VecEnv that do not change what a policy acts on."""
 
+N_COLUMNS = 5
+"""Films in a row, at most."""
 N_DIGITS = 6
 """Decimals of a return, as in `best_return` and SB3's Monitor."""
 AnyEnv: TypeAlias = gym.Env[Any, Any] | None
@@ -46,35 +49,65 @@ def film(
     *,
     stride: int,
     seed: int | None = None,
+    n_starts: int = 1,
     trust: bool = False,
     env: AnyEnv = None,
 ) -> float:
-    """Play one episode, write every `stride`-th step as a frame, and return the episode's return.
+    """Play episodes, write every `stride`-th step as a frame, and return their mean return.
 
     Args:
         source: Run or policy that acts.
         path: Path of the GIF or MP4.
         stride: Steps from frame to frame.
         seed: Seed of the environment; None: that of the policy's best episode, or 0.
+        n_starts: Episodes side by side, whose seeds count up.
         trust: Also run code that the folder of the run names or contains.
         env: Environment like the run's, with the `render_mode` "rgb_array"; None: the one that
             `run.json` describes.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
-    frames: list[Any] = []
-    total = 0.0
     with _open(source, trust, env, render_mode="rgb_array") as (policy, played, best_seed):
         if played.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
             stride = max(1, stride // played.get_wrapper_attr("num_repeats"))
-        rewards = _rewards(policy, played, best_seed if seed is None else seed)
-        for t, reward in enumerate(rewards):
-            total += reward
-            if t % stride == 0:
-                frames.append(played.render())
-        if t % stride:  # the last frame always
-            frames.append(played.render())
-    write_film(frames, path)
-    return round(total, N_DIGITS)
+        first = best_seed if seed is None else seed
+        films, totals = zip(
+            *(_film(policy, played, first + i, stride) for i in range(n_starts)), strict=True
+        )
+    write_film(side_by_side(films), path)
+    return round(sum(totals) / n_starts, N_DIGITS)
+
+
+def _film(
+    policy: BasePolicy, env: gym.Env[Any, Any], seed: int, stride: int
+) -> tuple[list[Any], float]:
+    """The frames of an episode, and its return."""
+    frames: list[Any] = []
+    total = 0.0
+    for t, reward in enumerate(_rewards(policy, env, seed)):
+        total += reward
+        if t % stride == 0:
+            frames.append(env.render())
+    if t % stride:  # the last frame always
+        frames.append(env.render())
+    return frames, total
+
+
+def side_by_side(films: Sequence[list[Frame]]) -> list[Frame]:
+    """Films in rows of five, at half their size if they are several; one that is over stands."""
+    if len(films) == 1:
+        return films[0]
+    small = [[frame[::2, ::2] for frame in film] for film in films]
+    n_rows = -(-len(small) // N_COLUMNS)
+    n_columns = -(-len(small) // n_rows)
+    height, width, _ = small[0][0].shape
+    tiled = []
+    for t in range(max(map(len, small))):
+        picture = np.zeros((n_rows * height, n_columns * width, 3), np.uint8)
+        for i, film in enumerate(small):
+            y, x = i // n_columns * height, i % n_columns * width
+            picture[y : y + height, x : x + width] = film[min(t, len(film) - 1)]
+        tiled.append(picture)
+    return tiled
 
 
 def watch(source: Source, **arguments: Any) -> float:

@@ -7,6 +7,7 @@
     checkpoints/N/      after N timesteps: model.zip, result.json, rewarding.npz, sample.npz,
                         best_policy.npz
     error.txt           the traceback of the error that ended the last training by the command
+    demonstrations.npz  the episodes that a run of `curiosity robustify` begins along
 
 No file is written twice, but `progress.csv` when a new column appears. A checkpoint appears at once
 and whole. A run that goes on from it drops what was written later. One process and thread at a time
@@ -53,6 +54,7 @@ class RunFolder:
         self.path = Path(path)
         self.progress = self.path / "progress.csv"
         self.error = self.path / "error.txt"
+        self.demonstrations = self.path / "demonstrations.npz"
         self._description = self.path / "run.json"
         self._final_states = self.path / "final_states"
         self._checkpoints = self.path / "checkpoints"
@@ -62,10 +64,10 @@ class RunFolder:
         return f"<{type(self).__name__}: {self.path}>"
 
     def is_empty(self) -> bool:
-        """Whether a run can begin here; what a kill left of its first file does not count."""
+        """Whether a run can begin here; what is there before its first file does not count."""
         paths = self.path.iterdir() if self.path.exists() else ()
         half = f".{self._description.name}."
-        ignored = self._lock, self.error
+        ignored = self._lock, self.error, self.demonstrations
         return all(path in ignored or path.name.startswith(half) for path in paths)
 
     def lock(self) -> FileLock:

@@ -28,6 +28,8 @@ WITHIN = 0.9
 class Standardized(BaseFeaturesExtractor):
     """Observations in standard deviations from their mean, which are part of the policy's file.
 
+    What is observed changes features from `settle` on: a rollout is learned as it was acted.
+
     Args:
         observation_space: A Box of vectors.
     """
@@ -35,6 +37,7 @@ class Standardized(BaseFeaturesExtractor):
     def __init__(self, observation_space: spaces.Box[Any]) -> None:
         super().__init__(observation_space, int(np.prod(observation_space.shape)))
         self.normalizer = RunningNormalizer(self.features_dim)
+        self.ahead = RunningNormalizer(self.features_dim)
 
     def forward(self, observations: th.Tensor) -> th.Tensor:
         """Features (n, features_dim)."""
@@ -43,7 +46,11 @@ class Standardized(BaseFeaturesExtractor):
 
     def observe(self, observations: th.Tensor) -> None:
         """Learn the mean and the deviations of observations (n, ...)."""
-        self.normalizer.observe(observations.flatten(1))
+        self.ahead.observe(observations.flatten(1))
+
+    def settle(self) -> None:
+        """Standardize by all that was observed."""
+        self.normalizer.load_state_dict(self.ahead.state_dict())
 
 
 class Imitation:
@@ -105,16 +112,15 @@ def _noise_of(observations: Any) -> th.Tensor | None:
 def _tensors(
     model: OnPolicyAlgorithm, demonstrations: Sequence[Demonstration]
 ) -> tuple[Any, th.Tensor]:
-    seen = [observation for each in demonstrations for observation in each.observations]
-    first = seen[0]
-    stacked: Any = (
-        {key: np.stack([observation[key] for observation in seen]) for key in first}
-        if isinstance(first, dict)
-        else np.stack(seen)
+    seen = [each.observations for each in demonstrations]
+    joined: Any = (
+        {key: np.concatenate([each[key] for each in seen]) for key in seen[0]}
+        if isinstance(seen[0], dict)
+        else np.concatenate(seen)
     )
     actions = np.concatenate([each.actions for each in demonstrations])
     space = model.action_space
     if isinstance(space, spaces.Box):
         middle = (space.high + space.low) / 2
         actions = middle + WITHIN * (np.clip(actions, space.low, space.high) - middle)
-    return obs_as_tensor(stacked, model.device), th.as_tensor(actions, device=model.device)
+    return obs_as_tensor(joined, model.device), th.as_tensor(actions, device=model.device)

@@ -12,7 +12,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.robust.demonstrations import Demonstration, is_success
+from curiosity_algos.robust.demonstrations import Demonstration, Start
+from curiosity_algos.sb3.found_episodes import is_success
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_seed, check_share
 
@@ -48,6 +49,7 @@ class DemonstrationStarts(VecEnvWrapper):
         near: Whether the last episodes from near the front succeeded, of each demonstration.
         fresh_results: Whether the last 60 episodes from fresh starts did.
         free_steps: Steps since all fronts have been at 0.
+        idle_steps: Steps since a front last moved.
 
     Raises:
         ValueError: If there is no demonstration, or one does not come to the same here.
@@ -77,7 +79,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self.fresh_results = deque[bool](maxlen=N_RESULTS)
         self._begun = np.full((self.num_envs, 2), FRESH)
         self._totals = np.zeros(self.num_envs)
-        self._steps, self._fresh_steps, self.free_steps = 0, 0, 0
+        self._steps, self._fresh_steps, self.free_steps, self.idle_steps = 0, 0, 0, 0
 
     @property
     def is_free(self) -> bool:
@@ -95,6 +97,7 @@ class DemonstrationStarts(VecEnvWrapper):
         observations, rewards, dones, infos = self.venv.step_wait()
         self._totals += rewards
         self._steps += self.num_envs
+        self.idle_steps += self.num_envs
         self.free_steps += self.num_envs * self.is_free
         self._fresh_steps += int(np.count_nonzero(self._begun[:, 1] == FRESH))
         ended = np.flatnonzero(dones).tolist()
@@ -118,6 +121,7 @@ class DemonstrationStarts(VecEnvWrapper):
             if sum(results) >= N_SUCCESSES:
                 self.fronts[which] = max(0, self.fronts[which] - self._strides[which])
                 results.clear()
+                self.idle_steps = 0
 
     def _begin(self, ids: Sequence[int], observations: VecEnvObs) -> None:
         """Draw the starts of episodes, go there, and write what is observed there."""
@@ -147,7 +151,7 @@ class DemonstrationStarts(VecEnvWrapper):
             "fresh_results": list(self.fresh_results),
             "begun": self._begun.copy(),
             "totals": self._totals.copy(),
-            "steps": [self._steps, self._fresh_steps, self.free_steps],
+            "steps": [self._steps, self._fresh_steps, self.free_steps, self.idle_steps],
             "rng": self._rng.bit_generator.state,
         }
 
@@ -160,13 +164,8 @@ class DemonstrationStarts(VecEnvWrapper):
         self.fresh_results.clear()
         self.fresh_results.extend(state["fresh_results"])
         self._totals[:] = state["totals"]
-        self._steps, self._fresh_steps, self.free_steps = state["steps"]
+        self._steps, self._fresh_steps, self.free_steps, self.idle_steps = state["steps"]
         self._rng.bit_generator.state = state["rng"]
-
-
-def share_of(results: Sequence[bool]) -> float:
-    """The share of episodes that succeeded; 0 of none."""
-    return sum(results) / len(results) if results else 0.0
 
 
 def _write(observations: Any, i: int, observation: Any) -> None:
@@ -210,7 +209,7 @@ class _Restored(_Places):
     def _follow(self, demonstration: Demonstration) -> list[dict[str, Array]]:
         """The state before each action: rows of what `state_dict` gives."""
         n = self._batch.num_envs
-        self._batch.reset(seed=[demonstration.seed] * n)
+        self._reset(demonstration.start)
         states, total = [], 0.0
         for action in demonstration.actions:
             state = self._batch.state_dict()
@@ -219,6 +218,16 @@ class _Restored(_Places):
             total += float(rewards[0])
         _check(demonstration, total)
         return states
+
+    def _reset(self, start: Start) -> None:
+        if not isinstance(start, Mapping):
+            self._batch.reset(seed=[start] * self._batch.num_envs)
+            return
+        self._batch.reset()
+        state = self._batch.state_dict()
+        state["generators"] = [start] * len(state["generators"])
+        self._batch.load_state_dict(state)
+        self._batch.reset()
 
     def go(self, starts: Mapping[int, tuple[int, int]], rng: np.random.Generator) -> dict[int, Any]:
         placed = {i: start for i, start in starts.items() if start[1] != FRESH}
@@ -238,11 +247,11 @@ class _Replayed(_Places):
     def __init__(self, venv: DummyVecEnv, demonstrations: list[Demonstration]) -> None:
         self._venv, self._demonstrations = venv, demonstrations
         for demonstration in demonstrations:
-            _, total = self._replay(0, demonstration.seed, demonstration.actions)
+            _, total = self._replay(0, demonstration.start, demonstration.actions)
             _check(demonstration, total)
 
-    def _replay(self, i: int, seed: int, actions: Any) -> tuple[Any, float]:
-        found: tuple[Any, float] = self._venv.env_method("replay", seed, actions, indices=i)[0]
+    def _replay(self, i: int, start: Start, actions: Any) -> tuple[Any, float]:
+        found: tuple[Any, float] = self._venv.env_method("replay", start, actions, indices=i)[0]
         return found
 
     def go(self, starts: Mapping[int, tuple[int, int]], rng: np.random.Generator) -> dict[int, Any]:
@@ -252,7 +261,7 @@ class _Replayed(_Places):
         if step == FRESH:
             return self._replay(i, int(rng.integers(2**31)), [])[0]
         demonstration = self._demonstrations[which]
-        return self._replay(i, demonstration.seed, demonstration.actions[:step])[0]
+        return self._replay(i, demonstration.start, demonstration.actions[:step])[0]
 
 
 def _check(demonstration: Demonstration, total: float) -> None:

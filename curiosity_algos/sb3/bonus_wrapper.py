@@ -29,6 +29,7 @@ from curiosity_algos.evaluation.batches import terminations
 from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.rollouts import check_observations
+from curiosity_algos.sb3.found_episodes import FoundEpisodes
 from curiosity_algos.state import file
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.episodes import episode_states, load_episode_states, record_episodes
@@ -36,6 +37,7 @@ from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 KIND = "BonusVecEnvWrapper"
+PARTS = ("curiosity", "buffer", "recent", "episodes", "observations", "found")
 
 
 class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
@@ -66,6 +68,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
 
     Attributes:
         metrics: Mean losses of the last training, which `ExplorationCallback` logs.
+        found: The best episodes that succeeded, see `robustify`.
         training: Whether it learns; False, as in SB3's VecNormalize: it only adds the bonus.
 
     Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times
@@ -102,6 +105,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         )
         super().__init__(venv)
         record_episodes(venv)
+        self.found = FoundEpisodes(venv)
         self.observation_key = observation_key
         self.buffer_size = int(buffer_size)
         self.training = True
@@ -140,6 +144,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         observations = self.venv.reset()
         self._observations = self._stored(observations)
         self.curiosity.scale.reset()
+        self.found.end()
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._recent.end(every)
         if self._episodes is not None:
@@ -162,6 +167,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         observations, rewards, dones, infos = self.venv.step_wait()
         dones = np.asarray(dones, dtype=np.bool_)
         check_rewards(rewards)
+        self.found.see(rewards, dones, infos)
         infos = [dict(info) for info in infos]  # a VecEnv may give one for all
         before, after = self._observations, self._stored(observations)
         self._observations = after
@@ -237,6 +243,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
             "recent": self._recent.state_dict(),
             "episodes": None if self._episodes is None else self._episodes.state_dict(),
             "observations": self._observations.copy(),
+            "found": self.found.state_dict(),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
@@ -245,7 +252,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         Raises:
             ValueError: If it is another's; parts may have changed then.
         """
-        check_keys(state, ("curiosity", "buffer", "recent", "episodes", "observations"), "wrapper")
+        check_keys(state, PARTS, "wrapper")
         check_like(state["observations"], self._observations[:0], "observations")
         self.buffer.load_state_dict(state["buffer"])
         self._recent.load_state_dict(state["recent"])
@@ -253,6 +260,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
             self._episodes.load_state_dict(state["episodes"])
         self.curiosity.load_state_dict(state["curiosity"])
         self._observations = state["observations"].copy()
+        self.found.load_state_dict(state["found"])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write what `load` needs, beside the model's own file.
@@ -310,6 +318,17 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         # Not yet, as a model's own reset would take another start then.
         wrapper._must_reset = not load_episode_states(venv, state["episodes"])
         return wrapper
+
+
+def found_episodes(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
+    """The `found.episodes` of a wrapper that was saved.
+
+    Raises:
+        FileNotFoundError: If there is no such file.
+        ValueError: If it is damaged, or another.
+    """
+    episodes: list[dict[str, Any]] = file.read(path, KIND)[1]["wrapper"]["found"]["episodes"]
+    return episodes
 
 
 class ICMVecEnvWrapper(BonusVecEnvWrapper):

@@ -16,6 +16,24 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.batches import has_generators, info_rows
 from curiosity_algos.evaluation.environments import env_attributes
+from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
+
+
+def native_batch(
+    env: gym.Env[Any, Any], n: int, autoreset_mode: AutoresetMode
+) -> EpisodicVectorEnv | None:
+    """`n` of an environment of `curiosity_gym`, stepped at once; None of any other, or wrapped."""
+    is_own, spec = isinstance(env.unwrapped, EpisodicEnv), env.spec
+    if not is_own or spec is None or spec.additional_wrappers:
+        return None
+    made: Any = gym.make_vec(
+        spec,
+        num_envs=n,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode=autoreset_mode,
+    )
+    return made if isinstance(made, EpisodicVectorEnv) else None
 
 
 class GymnasiumVecEnv(VecEnv):

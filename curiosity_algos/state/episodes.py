@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import (
     DummyVecEnv,
     SubprocVecEnv,
     VecEnv,
+    VecEnvWrapper,
     VecMonitor,
     VecTransposeImage,
 )
@@ -34,18 +35,17 @@ def _is_recorded(env: gym.Env[Any, Any]) -> bool:
 
 
 def episode_states(venv: VecEnv) -> State | None:
-    """The open episodes, and the counts of each VecMonitor, for `load_episode_states`.
+    """The open episodes, and the states of wrappers of the VecEnv, for `load_episode_states`.
 
     None if an environment is neither in a `RecordEpisode` nor stepped by a vector environment of
-    `curiosity_gym`, or has no open episode; or if a wrapper of the VecEnv is neither a VecMonitor
-    nor a VecTransposeImage: others may remember what only they know.
+    `curiosity_gym`, or has no open episode; or if a wrapper is neither a VecMonitor, nor a
+    VecTransposeImage, nor has a `state_dict`: others may remember what only they know.
     """
-    inner, monitors = _within(venv)
+    inner, wrappers = _within(venv)
     episodes = _episodes(inner)
     if episodes is None:
         return None
-    counts = [[m.episode_returns.copy(), m.episode_lengths.copy()] for m in monitors]
-    return {"episodes": episodes, "counts": counts}
+    return {"episodes": episodes, "wrappers": [_state_of(wrapper) for wrapper in wrappers]}
 
 
 def load_episode_states(venv: VecEnv, state: State | None) -> bool:
@@ -61,26 +61,44 @@ def load_episode_states(venv: VecEnv, state: State | None) -> bool:
         return False
     record_episodes(venv)
     venv.reset()
-    inner, monitors = _within(venv)
-    if len(monitors) != len(state["counts"]) or not _load_episodes(inner, state["episodes"]):
+    inner, wrappers = _within(venv)
+    if len(wrappers) != len(state["wrappers"]) or not _load_episodes(inner, state["episodes"]):
         warnings.warn(
             "Episodes begin anew: `env` is another, or draws from elsewhere than its `np_random`.",
             stacklevel=3,
         )
         return False
-    for monitor, (returns, lengths) in zip(monitors, state["counts"], strict=True):
-        monitor.episode_returns[:], monitor.episode_lengths[:] = returns, lengths
+    for wrapper, own in zip(wrappers, state["wrappers"], strict=True):
+        _load_state(wrapper, own)
     return True
 
 
-def _within(venv: VecEnv) -> tuple[VecEnv, list[VecMonitor]]:
-    """What wrappers without a state are around, and those that count episodes."""
-    monitors = []
-    while isinstance(venv, VecMonitor | VecTransposeImage):
-        if isinstance(venv, VecMonitor):
-            monitors.append(venv)
+def _within(venv: VecEnv) -> tuple[VecEnv, list[Any]]:
+    """What wrappers are around whose states are known, and those that have a state."""
+    wrappers: list[Any] = []
+    while isinstance(venv, VecEnvWrapper):
+        if isinstance(venv, VecMonitor) or hasattr(type(venv), "state_dict"):
+            wrappers.append(venv)
+        elif not isinstance(venv, VecTransposeImage):
+            break
         venv = venv.venv
-    return venv, monitors
+    return venv, wrappers
+
+
+def _state_of(wrapper: Any) -> State:
+    if not isinstance(wrapper, VecMonitor):
+        own: State = wrapper.state_dict()
+        return own
+    counts = {"returns": wrapper.episode_returns, "lengths": wrapper.episode_lengths}
+    return {name: count.copy() for name, count in counts.items()}
+
+
+def _load_state(wrapper: Any, state: State) -> None:
+    if not isinstance(wrapper, VecMonitor):
+        wrapper.load_state_dict(state)
+        return
+    wrapper.episode_returns[:] = state["returns"]
+    wrapper.episode_lengths[:] = state["lengths"]
 
 
 def _batched(venv: VecEnv) -> EpisodicVectorEnv | None:
@@ -95,7 +113,7 @@ def _episodes(venv: VecEnv) -> State | list[State] | None:
             return batched.state_dict()
         except ResetNeeded:
             return None
-    states: list[Any] = venv.env_method("episode_state") if _are_recorded(venv) else [None]
+    states: list[Any] = venv.env_method("episode_state") if are_recorded(venv) else [None]
     if any(state is None for state in states):
         return None
     try:
@@ -105,7 +123,8 @@ def _episodes(venv: VecEnv) -> State | list[State] | None:
     return states
 
 
-def _are_recorded(venv: VecEnv) -> bool:
+def are_recorded(venv: VecEnv) -> bool:
+    """Whether each environment of a VecEnv is in a `RecordEpisode`."""
     # Other VecEnvs may lack `has_attr`.
     return isinstance(venv, DummyVecEnv | SubprocVecEnv) and venv.has_attr("episode_state")
 
@@ -120,7 +139,7 @@ def _load_episodes(venv: VecEnv, episodes: State | list[State]) -> bool:
         except ValueError:  # of others, or of another number
             return False
         return True
-    if not _are_recorded(venv) or venv.num_envs != len(episodes):
+    if not are_recorded(venv) or venv.num_envs != len(episodes):
         return False
     return all(
         venv.env_method("load_episode_state", each, indices=i)[0] for i, each in enumerate(episodes)

@@ -32,6 +32,7 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         self._options: dict[str, Any] | None = None
         self._actions: list[Any] = []
         self._digest = 0
+        self._last: dict[str, Any] | None = None
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # Gymnasium's own is one, too
@@ -42,6 +43,7 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         own = getattr(_generator(self), "state", None)
+        self._last = {"start": self._start, "options": self._options, "actions": self._actions}
         self._start = own if seed is None else int(seed)
         self._options, self._actions = options, []
         observation, info = self.env.reset(seed=seed, options=options)
@@ -66,6 +68,16 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         shape = (len(self._actions), *self.action_space.shape)
         start = {"start": self._start, "options": self._options}
         return {**start, "actions": np.array(self._actions).reshape(shape), "digest": self._digest}
+
+    def last_episode(self) -> dict[str, Any] | None:
+        """The start, the options and the actions of the episode before the open one, if any.
+
+        None where `episode_state` of it was None.
+        """
+        last = self._last
+        if last is None or last["start"] is None or len(last["actions"]) > LONGEST:
+            return None
+        return {**last, "actions": np.array(last["actions"])}
 
     def load_episode_state(self, state: Mapping[str, Any]) -> bool:
         """Go on with the episode that `episode_state` gave, in this environment.
@@ -93,12 +105,19 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
                 return False
         return bool(self._digest == state["digest"])
 
-    def replay(self, seed: int, actions: Any) -> tuple[Any, float]:
-        """Begin the episode of a seed and take actions (n, ...): the last observation, the return.
+    def begin(self, start: int | Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """Reset with a seed, or with the generator in the state of an episode's `start`."""
+        if not isinstance(start, Mapping):
+            return self.reset(seed=start)
+        _generator(self).state = start
+        return self.reset()
+
+    def replay(self, start: int | Mapping[str, Any], actions: Any) -> tuple[Any, float]:
+        """Begin an episode and take actions (n, ...): the last observation, and the return.
 
         The episode may end with the last of them, and not before.
         """
-        observation, _ = self.reset(seed=seed)
+        observation, _ = self.begin(start)
         total = 0.0
         for action in actions:
             observation, reward, *_ = self.step(action)

@@ -13,6 +13,9 @@ class Walk(gym.Env):
     observation_space = spaces.Box(-99, 99, (2,))
     action_space = spaces.Box(-1, 1, (1,))
 
+    def __init__(self, goal=GOAL):
+        self.goal = goal
+
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
         self.x, self.t = self.np_random.uniform(-1.0, 1.0), 0
@@ -21,7 +24,7 @@ class Walk(gym.Env):
     def step(self, action):
         self.x += float(np.clip(action, -1, 1)[0])
         self.t += 1
-        success = self.x >= GOAL
+        success = self.x >= self.goal
         reward = 1.0 - self.t / HORIZON if success else 0.0
         return self._observation(), reward, success, self.t == HORIZON, {"is_success": success}
 

@@ -36,6 +36,19 @@ def test_an_episode_moves(folder, tmp_path):
 
 
 @pytest.mark.extra("render")
+def test_several_starts_are_side_by_side(folder, tmp_path):
+    totals = [play(folder, seed=seed) for seed in range(3, 9)]
+    assert film(folder, tmp_path / "six.gif", stride=20, seed=3, n_starts=6) == pytest.approx(
+        np.mean(totals)
+    )
+    film(folder, tmp_path / "one.gif", stride=20)
+    with Image.open(tmp_path / "six.gif") as six, Image.open(tmp_path / "one.gif") as one:
+        width, height = one.size
+        assert six.size == (3 * -(-width // 2), 2 * -(-height // 2))
+        assert six.n_frames == one.n_frames
+
+
+@pytest.mark.extra("render")
 @pytest.mark.skipif(not hasattr(gym.wrappers, "RepeatAction"), reason="gymnasium < 1.3")
 def test_an_action_that_is_held_is_as_many_steps_of_a_film(tmp_path):
     settings = {"n_steps": 10, "batch_size": 10, "device": "cpu"}

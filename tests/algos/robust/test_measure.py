@@ -2,11 +2,14 @@
 
 import math
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 from walk import Right, Walk
 
 from curiosity_algos.robust.measure import Starts, evaluate_starts
+from curiosity_gym import BehaviorWrapper
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (93, 100), (7, 7)])
@@ -34,3 +37,19 @@ def test_mistakes_are_one_sentence():
         evaluate_starts(Right(), Walk(), 0)
     with pytest.raises(ValueError, match="`seed`"):
         evaluate_starts(Right(), Walk(), seed=-1)
+
+
+class Shake:
+    """Moves the cup hither and thither with full strength, as if at random."""
+
+    def predict(self, observation, deterministic=True):
+        return np.sign(np.sin(1e3 * observation[..., :2])).astype(np.float32), None
+
+
+def test_a_batch_counts_as_single_environments_do():
+    env = gym.make("CuriosityControl-BallInCup-v0", random_start=True, horizon=150)
+    twin = BehaviorWrapper(env, lambda env, observation, info: observation[:1], Box(-9, 9, (1,)))
+    batch, one_by_one = evaluate_starts(Shake(), env, 12), evaluate_starts(Shake(), twin, 12)
+    assert 0 < batch.share < 1
+    np.testing.assert_array_equal(batch.success, one_by_one.success)
+    np.testing.assert_allclose(batch.returns, one_by_one.returns)

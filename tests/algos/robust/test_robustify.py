@@ -10,6 +10,7 @@ from walk import Right, Walk
 
 from curiosity_algos import CuriosityES
 from curiosity_algos.robust import robustify as module
+from curiosity_algos.robust import watch
 from curiosity_algos.robust.demonstrations import demonstrate, demonstrations_of
 from curiosity_algos.robust.measure import evaluate_starts
 from curiosity_algos.robust.robustify import robustify
@@ -23,7 +24,7 @@ def demonstration():
 @pytest.fixture
 def often(monkeypatch):
     """Test whether the policy works after each rollout."""
-    monkeypatch.setattr(module, "TEST_INTERVAL", 8_192)
+    monkeypatch.setattr(watch, "TEST_INTERVAL", 8_192)
 
 
 @pytest.fixture

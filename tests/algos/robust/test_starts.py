@@ -103,7 +103,7 @@ def test_fresh_starts_that_succeed_need_no_demonstration(kind):
 def test_fresh_episodes_take_no_more_steps_than_their_share(kind):
     starts = make(kind, fresh=0.2)
     play(starts, 200, lambda demonstration, step: -demonstration.actions[0])
-    steps, fresh, _ = starts.state_dict()["steps"]
+    steps, fresh, *_ = starts.state_dict()["steps"]
     assert steps == 200 * N
     assert 0.05 < fresh / steps < 0.5
 
@@ -135,4 +135,4 @@ def test_mistakes_are_one_sentence():
 
 def demonstrate_backwards():
     ahead = Mazes().demonstration()
-    return type(ahead)(ahead.seed, -ahead.actions, ahead.observations, ahead.total, success=True)
+    return type(ahead)(ahead.start, -ahead.actions, ahead.observations, ahead.total, success=True)

@@ -1,0 +1,54 @@
+"""`curiosity robustify`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option, echo
+
+from curiosity_algos.cli.options import Trust, find_own_modules
+
+
+def robustify(
+    run: Annotated[Path, Argument(help="The folder of a run that has found a success.")],
+    out: Annotated[
+        Path | None,
+        Option(help="Folder for the training. Without it, robust in the run's folder."),
+    ] = None,
+    timesteps: Annotated[
+        float, Option("--timesteps", "-n", help="Environment steps, at most.")
+    ] = 1e7,
+    success: Annotated[
+        float, Option(help="Share of unseen starts to succeed from, which ends the training.")
+    ] = 0.95,
+    seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
+    device: Annotated[str, Option(help="Device of neural networks: auto, cpu or cuda.")] = "auto",
+    interval: Annotated[float, Option(help="Seconds between two checkpoints.")] = 60.0,
+    trust: Trust = False,
+) -> None:
+    """Train a policy that holds from any start, by a run's episodes.
+
+    The policy is PPO's, and its folder is a run as others. What was interrupted continues when the
+    same command is given again.
+
+    Example: curiosity robustify runs/CuriosityES/CuriosityLocomotion-AntTrap-v0/0
+    """
+    from curiosity_algos.experiments.robust_run import robustify_run
+
+    if trust:
+        find_own_modules()
+    folder = run / "robust" if out is None else out
+    starts = robustify_run(
+        run,
+        folder,
+        timesteps=timesteps,
+        success=success,
+        seed=seed,
+        device=device,
+        interval=interval,
+        trust=trust,
+        progress_bar=sys.stdout.isatty() and sys.stderr.isatty(),
+    )
+    echo(f"{folder}: {starts}")

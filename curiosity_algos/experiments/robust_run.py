@@ -1,0 +1,114 @@
+"""A run of `robustify`, from another run's episodes to its own folder."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from stable_baselines3 import PPO
+
+from curiosity_algos.common.names import find_algorithm
+from curiosity_algos.experiments.baselines import load_baseline
+from curiosity_algos.experiments.description import describe_run
+from curiosity_algos.experiments.differences import check_same
+from curiosity_algos.experiments.env_spec import make_env
+from curiosity_algos.experiments.run import Run
+from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.save_run import SaveRun
+from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
+from curiosity_algos.robust.demonstrations import (
+    Demonstration,
+    demonstrations_of,
+    load_demonstrations,
+    save_demonstrations,
+)
+from curiosity_algos.robust.measure import Starts, evaluate_starts
+from curiosity_algos.robust.robustify import MakeEnv, Training
+from curiosity_algos.sb3.bonus_wrapper import found_episodes
+
+
+def robustify_run(
+    source: Path,
+    folder: Path,
+    *,
+    timesteps: float = 1e7,
+    success: float = 0.95,
+    seed: int = 0,
+    device: str = "auto",
+    interval: float = 60.0,
+    trust: bool = False,
+    progress_bar: bool = False,
+) -> Starts:
+    """Train a policy from the episodes that a run found, or go on where that was interrupted.
+
+    Args:
+        source: Folder of the run.
+        folder: Folder of the training, a run of PPO; the episodes are in its `demonstrations.npz`.
+        timesteps: As in `robustify`, the first ones included.
+        success: As in `robustify`.
+        seed: As in `robustify`.
+        device: As in `robustify`.
+        interval: Seconds between two checkpoints.
+        trust: Also run code that the run's folder names or contains.
+        progress_bar: As in `robustify`.
+
+    Returns:
+        The success of the policy from a hundred unseen starts.
+
+    Raises:
+        FileNotFoundError: If there is no run.
+        ValueError: If it has found no episode that succeeds, or `folder` holds another run.
+    """
+    run = Run(source)
+    make = partial(make_env, run.description, trust=trust)
+    demonstrations = _demonstrations(run, folder, make)
+    training = Training(make, demonstrations, success=success, seed=seed, device=device)
+    checkpoint = RunFolder(folder).checkpoint
+    with closing(training.env), closing(SaveRun(folder, interval=interval)) as save:
+        if checkpoint is None:
+            training.begin()
+        else:
+            check_same(folder, RunFolder(folder).describe(), describe_run(training.model))
+            loaded: Any = load_baseline(PPO, checkpoint, training.env, device=device)
+            training.model = loaded
+        if not _is_over(folder, timesteps, success):
+            training.learn(timesteps, save, progress_bar=progress_bar)
+    with closing(make()) as env:
+        return evaluate_starts(training.model, env)
+
+
+def _is_over(folder: Path, timesteps: float, success: float) -> bool:
+    """Whether the training in a folder has come to its budget, or works as often as asked for."""
+    run = Run(folder)
+    if not run.folder.result().get("ended"):
+        return False
+    tested = run.progress.get("robust/tested", pd.Series([0.0]))
+    return bool(run.result["timesteps"] >= timesteps or tested.iloc[-1] >= success)
+
+
+def _demonstrations(run: Run, folder: Path, make: MakeEnv) -> list[Demonstration]:
+    """Those in the folder, or else of the run."""
+    path = RunFolder(folder).demonstrations
+    if not path.exists():
+        with closing(make()) as env:
+            found = demonstrations_of(run.folder.read(partial(_load, run, env)), env)
+        folder.mkdir(parents=True, exist_ok=True)
+        save_demonstrations(path, found)
+    return load_demonstrations(path)
+
+
+def _load(run: Run, env: Any, checkpoint: Path) -> Any:
+    """What has found episodes, of a run's checkpoint."""
+    name = run.description["algorithm"].partition(" + ")[0]
+    cls = find_algorithm(name)
+    if issubclass(cls, EvolutionaryAlgorithm):
+        return cls.load(checkpoint / "model", env=env)
+    if not (checkpoint / "bonus.npz").exists():
+        raise ValueError(
+            "`run` must be of an algorithm that evolves policies, or of an on-policy one with a "
+            f"bonus, which keeps the episodes that succeed, {run} is of {name}."
+        )
+    return found_episodes(checkpoint / "bonus.npz")

@@ -1,0 +1,150 @@
+"""What happens between the rollouts of a training along demonstrations."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch as th
+from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
+from stable_baselines3.common.utils import FloatSchedule
+
+from curiosity_algos.robust.imitation import Imitation, Standardized
+from curiosity_algos.robust.measure import evaluate_starts
+from curiosity_algos.robust.starts import DemonstrationStarts
+
+SETTINGS: dict[str, Any] = {
+    "n_steps": 256,
+    "batch_size": 1024,
+    "n_epochs": 6,
+    "learning_rate": 3e-4,
+    "clip_range": 0.2,
+}
+"""Of PPO."""
+SHRINKING = 1_200_000
+"""Timesteps in which steps shrink by 1 / e, once all starts are fresh: a constant rate forgets."""
+SMALLEST_CLIP = 0.05
+N_KEPT = 40
+"""Steps of imitation after each of PPO's, so that what is ahead of the fronts is not forgotten."""
+TEST_INTERVAL, N_TESTED = 250_000, 100
+"""Timesteps between two tests of whether the policy works by now, and the starts of one."""
+NEARLY = 0.25
+"""Drawn actions that succeed so much less often than was asked for are not tested."""
+STUCK = 2_000_000
+"""Timesteps without a move of a front that end the training."""
+
+
+class Watch(BaseCallback):
+    """Standardizes observations, shrinks the steps, logs the fronts, and ends the training.
+
+    It remembers nothing from rollout to rollout that the model and `DemonstrationStarts` do not
+    know, and changes them when a rollout begins: callbacks that save come before it.
+
+    Args:
+        starts: Of the episodes.
+        env: To test the policy in.
+        imitation: Of what is ahead of the fronts.
+        success: Share of starts that is enough.
+        seed: Of the starts of the first test.
+    """
+
+    def __init__(
+        self,
+        starts: DemonstrationStarts,
+        env: gym.Env[Any, Any],
+        imitation: Imitation,
+        *,
+        success: float,
+        seed: int,
+    ) -> None:
+        super().__init__()
+        self.starts, self.env, self.imitation = starts, env, imitation
+        self.success, self.seed = success, seed
+        self._is_over = False
+
+    def _on_rollout_start(self) -> None:
+        extractor = self.model.policy.features_extractor
+        if isinstance(extractor, Standardized):
+            extractor.settle()
+        if not self.starts.is_free:
+            self.imitation.fit(N_KEPT, self.starts.fronts)
+        self._shrink()
+        self._is_over = self._is_stuck() or self._works()
+
+    def _shrink(self) -> None:
+        share = math.exp(-self.starts.free_steps / SHRINKING)
+        clip = SMALLEST_CLIP + (SETTINGS["clip_range"] - SMALLEST_CLIP) * share
+        learner: Any = self.model
+        learner.lr_schedule = FloatSchedule(SETTINGS["learning_rate"] * share)
+        learner.clip_range = FloatSchedule(clip)
+
+    def _is_stuck(self) -> bool:
+        starts = self.starts
+        is_stuck = not starts.is_free and starts.idle_steps >= STUCK
+        if is_stuck:
+            ahead = ", ".join(map(str, starts.fronts))
+            warnings.warn(
+                f"The front has not moved for {STUCK:,} steps, {ahead} steps of the demonstrations "
+                "are ahead of it: training ends with what there is. Longer actions, as of "
+                "gymnasium.wrappers.RepeatAction, shorten demonstrations.",
+                stacklevel=2,
+            )
+        return is_stuck
+
+    def _works(self) -> bool:
+        """Whether the policy succeeds as often as was asked for, if it is time to test it."""
+        free, rollout = self.starts.free_steps, SETTINGS["n_steps"] * self.starts.num_envs
+        n_tests = free // TEST_INTERVAL
+        is_time = n_tests > max(0, free - rollout) // TEST_INTERVAL
+        if not is_time or share_of(self.starts.fresh_results) < self.success - NEARLY:
+            return False
+        seed = self.seed + n_tests * N_TESTED
+        tested = evaluate_starts(self.model, self.env, N_TESTED, seed=seed)
+        self.logger.record("robust/tested", tested.share)
+        return tested.share >= self.success
+
+    def _on_rollout_end(self) -> None:
+        extractor = self.model.policy.features_extractor
+        if isinstance(extractor, Standardized):
+            seen = th.as_tensor(self.locals["rollout_buffer"].observations)
+            extractor.observe(seen.flatten(0, 1).to(self.model.device))
+        for name, value in progress_of(self.starts).items():
+            self.logger.record(f"robust/{name}", value)
+
+    def _on_step(self) -> bool:
+        return not self._is_over
+
+
+class FrontBar(ProgressBarCallback):
+    """SB3's bar, with the front and how often episodes succeed.
+
+    Args:
+        starts: Of the episodes.
+    """
+
+    def __init__(self, starts: DemonstrationStarts) -> None:
+        super().__init__()
+        self.starts = starts
+
+    def _on_rollout_end(self) -> None:
+        progress = {name: f"{share:.0%}" for name, share in progress_of(self.starts).items()}
+        self.pbar.set_postfix(progress)
+
+
+def progress_of(starts: DemonstrationStarts) -> dict[str, float]:
+    """The share of demonstrations ahead of the front, and of episodes that succeed."""
+    lengths = np.array([len(each) for each in starts.demonstrations])
+    return {
+        "front": float(np.mean(starts.fronts / lengths)),
+        "near": float(np.mean([share_of(results) for results in starts.near])),
+        "fresh": share_of(starts.fresh_results),
+    }
+
+
+def share_of(results: Sequence[bool]) -> float:
+    """The share of episodes that succeeded; 0 of none."""
+    return sum(results) / len(results) if results else 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from gymnasium.utils import seeding
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.base import Evaluator, KnownTask
@@ -12,7 +13,7 @@ from curiosity_algos.evaluation.cells import CompiledGrid, cell_of, compiled_gri
 from curiosity_algos.evaluation.mlp import Mlp, forward, scratch
 from curiosity_algos.evaluation.rollouts import Rollouts, check_parameters, sparse_returns
 from curiosity_gym.compiled import ThreadPool, compiled
-from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, reset, step
+from curiosity_gym.maze.dynamics import N_BASE_FEATURES, Maze, draw_start, reset, step
 
 SLICES_PER_THREAD = 4
 """More slices than threads, as episodes differ in length."""
@@ -64,20 +65,22 @@ class MazeEvaluator(Evaluator):
 
     known: KnownTask
     block_size = BLOCK_SIZE
-    draws = False
 
     def __init__(self, known: KnownTask, mlp: Mlp, n_threads: int | None = None) -> None:
         self.known = known
         self.mlp = mlp
         self.n_parameters = mlp.n_parameters
+        self.draws = known.task.start_radius > 0.0
         self._grid = compiled_grid(known.grid)
         self._pool = ThreadPool(n_threads)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
-        """One episode of each policy (P, n_parameters); mazes draw nothing: `seed` is unused."""
+        """One episode of each policy (P, n_parameters), all from the start that `seed` draws."""
         parameters = check_parameters(parameters, self.n_parameters)
         assert self.known.horizon is not None
         n, n_steps, maze = len(parameters), self.known.max_steps, self.known.task
+        if self.draws:
+            maze = maze._replace(start=draw_start(maze, seeding.np_random(seed)[0]))
         n_features = N_BASE_FEATURES + len(maze.inverse_x)
         observations = np.empty((n, n_steps + 1, n_features), dtype=np.float32)
         actions = np.empty((n, n_steps, 2), dtype=np.float32)

@@ -28,6 +28,9 @@ MARGIN = 1e-3
 MAX_CONTACTS = 4
 """Contacts resolved in one step; what is left of the step after them is not moved."""
 
+START_DRAWS, DRAWS_AT_ONCE = 100, 100
+"""Tries to draw a start, each of so many places, before it is the layout's own."""
+
 N_BASE_FEATURES = 4
 """Observation entries before the beams: position and velocity."""
 
@@ -62,7 +65,9 @@ class Maze(NamedTuple):
     """(n_beams,): 1 / (lidar range x cosine of the beam's angle)."""
     inverse_y: npt.NDArray[np.float32]
     start: FloatArray
-    """(4,): x, y, vx, vy at the start of an episode."""
+    """(4,): x, y, vx, vy at the start of an episode, if it is not drawn."""
+    start_radius: float
+    """Distance from there within which episodes begin."""
     width: float
     height: float
     goal_x: float
@@ -88,6 +93,7 @@ def build_maze(
     lidar_range: float,
     restitution: float,
     goal_radius: float,
+    start_radius: float = 0.0,
 ) -> Maze:
     """Lay `layout` out for the compiled functions; `lidar_range` is in maze units."""
     low, size = layout.walls[:, :2], layout.walls[:, 2:]
@@ -114,6 +120,7 @@ def build_maze(
         inverse_x=_inverse(lidar_range * np.cos(angles)),
         inverse_y=_inverse(lidar_range * np.sin(angles)),
         start=np.array([*layout.start, 0.0, 0.0]),
+        start_radius=start_radius,
         width=float(layout.width),
         height=float(layout.height),
         goal_x=float(layout.goal[0]),
@@ -213,6 +220,40 @@ def _first_contact(
             else:
                 axis, stop = 1, low_y if vy > 0.0 else high_y
     return time, axis, stop
+
+
+def draw_start(maze: Maze, rng: np.random.Generator) -> FloatArray:
+    """Draw where an episode begins, (4,) x, y, vx, vy, at rest.
+
+    Places are uniform among those within the start radius, and beyond that of the goal, to which
+    the robot can go straight from the layout's start. Without such places it is that start.
+    """
+    boxes = np.arange(len(maze.boxes), dtype=np.int32)
+    ends = np.array([0, len(boxes)], dtype=np.int32)
+    whole = maze._replace(contact_start=ends, contact_boxes=boxes)  # of one cell
+    center, limits = maze.start[:2], np.array([maze.width, maze.height]) - ROBOT_RADIUS
+    low = np.maximum(center - maze.start_radius, ROBOT_RADIUS)
+    high = np.minimum(center + maze.start_radius, limits)
+    for _ in range(START_DRAWS):
+        places = rng.uniform(low, high, (DRAWS_AT_ONCE, 2))
+        i = _first_start(whole, places)
+        if i >= 0:
+            return np.append(places[i], (0.0, 0.0))
+    return maze.start
+
+
+@compiled
+def _first_start(maze: Maze, places: FloatArray) -> int:
+    """The first of places (k, 2) where an episode may begin; -1: none."""
+    x, y = maze.start[0], maze.start[1]
+    for i in range(len(places)):
+        dx, dy = places[i, 0] - x, places[i, 1] - y
+        is_near = dx * dx + dy * dy <= maze.start_radius * maze.start_radius
+        if not is_near or is_at_goal(maze, places[i]):
+            continue
+        if _first_contact(maze, 0, x, y, dx, dy, 1.0)[1] == -1:
+            return i
+    return -1
 
 
 @compiled

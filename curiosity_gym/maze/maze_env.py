@@ -15,7 +15,12 @@ from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout, closest_approach
 from curiosity_gym.maze.dynamics import Maze, build_maze, step
 from curiosity_gym.maze.simulation import MazeSimulation
 from curiosity_gym.maze.viewer import MazeViewer
-from curiosity_gym.validation import check_at_least_one, check_positive, check_share
+from curiosity_gym.validation import (
+    check_at_least_one,
+    check_not_negative,
+    check_positive,
+    check_share,
+)
 
 LIDAR_SHARE = 0.2
 """The lidar's default range as a share of the map's diagonal."""
@@ -28,7 +33,7 @@ class MazeEnv(EpisodicEnv):
         The environment of "Curiosity creates Diversity in Policy Search" (section 4.1). The robot,
         a square of half-width 1, accelerates through a world of axis-aligned walls. It never enters
         a wall, whatever its speed: on contact it stops at the wall and slides along it. Dynamics
-        and start are deterministic. Lengths are in maze units, times in seconds.
+        are deterministic. Lengths are in maze units, times in seconds.
 
     Action Space:
         `Box(-1, 1, (2,), float32)`: acceleration along x and y, in units of `max_acceleration`,
@@ -60,7 +65,8 @@ class MazeEnv(EpisodicEnv):
         0 on every other.
 
     Starting State:
-        At the layout's start, at rest; `reset(options={"state": (x, y, vx, vy)})` starts elsewhere.
+        At the layout's start, at rest, or near it, see `start_radius`;
+        `reset(options={"state": (x, y, vx, vy)})` starts elsewhere.
 
     Episode End:
         Terminated at the goal; truncated after `horizon` steps without it.
@@ -79,6 +85,9 @@ class MazeEnv(EpisodicEnv):
         restitution: Share of the velocity into a wall that bounces back, from 0 (it stops there) to
             1. Bouncing robots find most goals by chance.
         goal_radius: How near the goal is near enough (maze units).
+        start_radius: Distance from the layout's start within which each episode begins (maze
+            units), drawn from `np_random`: uniform among the places, not yet at the goal, to which
+            the robot can go from there on a straight line without touching a wall. 0: at the start.
         render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
             Gymnasium's own window.
 
@@ -93,7 +102,7 @@ class MazeEnv(EpisodicEnv):
 
     settings = (
         *("layout", "maze", "max_speed", "max_acceleration", "n_beams", "lidar_range"),
-        *("restitution", "goal_radius"),
+        *("restitution", "goal_radius", "start_radius"),
     )
 
     def __init__(
@@ -107,6 +116,7 @@ class MazeEnv(EpisodicEnv):
         lidar_range: float | None = None,
         restitution: float = 0.0,
         goal_radius: float = GOAL_RADIUS,
+        start_radius: float = 0.0,
         render_mode: str | None = None,
     ) -> None:
         if layout is None:
@@ -123,6 +133,7 @@ class MazeEnv(EpisodicEnv):
             "goal_radius": goal_radius,
         }
         check_positive(**positive)
+        check_not_negative(start_radius=start_radius)
         check_share(restitution=restitution)
         check_at_least_one(horizon=horizon, n_beams=n_beams)
         if closest_approach(layout) >= goal_radius:
@@ -130,10 +141,11 @@ class MazeEnv(EpisodicEnv):
                 f"`goal_radius` must let the robot come near enough, got {goal_radius!r}."
             )
         # One of numpy may have half the precision, in which walls would not be where they are.
-        numbers = {name: float(value) for name, value in positive.items()}
+        others = {"restitution": restitution, "start_radius": start_radius}
+        numbers = {name: float(value) for name, value in (positive | others).items()}
         self.lidar_range = numbers["lidar_range"]
         n_beams = int(n_beams)
-        self.maze = build_maze(layout, n_beams=n_beams, restitution=float(restitution), **numbers)
+        self.maze = build_maze(layout, n_beams=n_beams, **numbers)
         make_viewer = partial(
             MazeViewer,
             layout,

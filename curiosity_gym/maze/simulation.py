@@ -10,7 +10,15 @@ from gymnasium import spaces
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout, are_free, reachable_cells
-from curiosity_gym.maze.dynamics import DT, MARGIN, N_BASE_FEATURES, Maze, observe, step
+from curiosity_gym.maze.dynamics import (
+    DT,
+    MARGIN,
+    N_BASE_FEATURES,
+    Maze,
+    draw_start,
+    observe,
+    step,
+)
 from curiosity_gym.simulation import BaseSimulation, Ids, Options, Rngs, Values
 
 ENVS_PER_THREAD = 128
@@ -56,7 +64,6 @@ class MazeSimulation(BaseSimulation):
         *("x velocity (maze units/s)", "y velocity (maze units/s)"),
     )
     fps = round(1.0 / DT)
-    draws = False
 
     def __init__(
         self,
@@ -79,6 +86,7 @@ class MazeSimulation(BaseSimulation):
         self.observations = np.zeros((n, *low.shape), dtype=np.float32)
         self.success = np.zeros(n, dtype=np.bool_)
         self.states = np.tile(maze.start, (n, 1))
+        self.draws = maze.start_radius > 0.0
         self._all = np.arange(n)
         self._pool = ThreadPool(n_threads)
 
@@ -88,13 +96,13 @@ class MazeSimulation(BaseSimulation):
     def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
         """See `BaseSimulation`; the options may hold a `state` to begin at, x, y, vx, vy."""
         ids = self._all if ids is None else ids
-        self.states[ids] = self._start(options)
+        self.states[ids] = self._start(rngs, options)
         self.success[ids] = False
         _observe(self.maze, ids, self.states, self.observations)
 
-    def _start(self, options: Options) -> Float64Array:
+    def _start(self, rngs: Rngs, options: Options) -> Float64Array:
         if not options or options.get("state") is None:
-            return self.maze.start
+            return np.array([draw_start(self.maze, rng) for rng in rngs] or self.maze.start)
         state = np.array(options["state"], dtype=np.float64)
         if state.shape != (4,) or not (np.abs(state[2:]) <= self.maze.max_speed).all():
             raise ValueError(

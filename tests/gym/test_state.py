@@ -17,13 +17,15 @@ from curiosity_gym.maze.maze_env import MazeVectorEnv
 
 MODES = list(AutoresetMode)
 NEAR_GOAL = MazeLayout("near goal", 20, 20, (5, 10), (9, 10), [(8, 12, 4, 6), (8, 2, 4, 5)])
-MAZE_ID, DRAWN_ID, ROBOT_ID = (
+MAZE_ID, DRAWN_MAZE_ID, DRAWN_ID, ROBOT_ID = (
     "CuriosityMaze-v0",
+    "CuriosityMaze-v0, random",
     "CuriosityControl-Finger-v0, random",
     "CuriosityLocomotion-AntTrap-v0",
 )
 NAMES = [
     MAZE_ID,
+    DRAWN_MAZE_ID,
     "CuriosityControl-BallInCup-v0",
     DRAWN_ID,
     "CuriosityControl-Stacker-v0",
@@ -34,7 +36,7 @@ NAMES = [
     ROBOT_ID,
 ]
 """One for each kind of physics."""
-KINDS = [MAZE_ID, DRAWN_ID, ROBOT_ID]
+KINDS = [MAZE_ID, DRAWN_MAZE_ID, DRAWN_ID, ROBOT_ID]
 
 
 def draws(name):
@@ -42,8 +44,10 @@ def draws(name):
     return "random" in name or "Locomotion" in name
 
 
+MAZE_KEYWORDS = {"layout": NEAR_GOAL, "horizon": 14, "max_acceleration": 20.0}
 KEYWORDS = {
-    "CuriosityMaze-v0": {"layout": NEAR_GOAL, "horizon": 14, "max_acceleration": 20.0},
+    MAZE_ID: MAZE_KEYWORDS,
+    DRAWN_MAZE_ID: MAZE_KEYWORDS | {"start_radius": 3.0},
     "CuriosityControl-Stacker-v0": {"success_threshold": 1e-45, "horizon": 38},
 }
 """Random actions come upon these goals: episodes end there, and at the horizon."""
@@ -53,7 +57,7 @@ N_ENVS, N_STEPS, N_LATER = 3, 100, 20
 def keywords_of(name):
     """The id that a name begins with, and the keywords of its environment."""
     env_id, _, random = name.partition(", ")
-    starts = {"random_start": True} if random else {}
+    starts = {"random_start": True} if random and "Maze" not in name else {}
     return env_id, {"horizon": 14} | KEYWORDS.get(name, {}) | starts
 
 

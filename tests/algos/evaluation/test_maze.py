@@ -45,6 +45,21 @@ def test_a_horizon_that_was_changed_is_that_of_the_reward(
     assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters))
 
 
+def test_all_begin_where_the_seed_draws(play, assert_equal_episodes, assert_same_rollouts):
+    env = gym.make("CuriosityMaze-Hard-v0", horizon=60, start_radius=20.0)
+    evaluator, parameters = make(env, 4)
+    starts = []
+    for seed in (5, 6):
+        rollouts = evaluator.evaluate(parameters, seed)
+        assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters, seed))
+        envs = gym.make_vec(env.spec.id, 3, horizon=60, start_radius=20.0)
+        others = VectorEvaluator(envs, evaluator.mlp).evaluate(parameters, seed)
+        assert_same_rollouts(rollouts, others)
+        starts.append(rollouts.observations[:, 0, :2])
+    assert (starts[0] == starts[0][0]).all()
+    assert (starts[0] != starts[1]).all()
+
+
 @pytest.mark.parametrize("n_individuals", [1, 23])
 def test_threads_change_no_bit(make_easy_maze, n_individuals, assert_same_rollouts):
     env = make_easy_maze()

@@ -13,6 +13,7 @@ from curiosity_gym.maze.dynamics import (
     MARGIN,
     build_maze,
     cast_beams,
+    draw_start,
     is_at_goal,
     move,
     observe,
@@ -297,6 +298,44 @@ def test_observe_scales_every_entry():
     np.testing.assert_allclose(observation[:4], [-0.5, 0.6, -0.5, 0.25], rtol=1e-6)
     assert observation[4:].min() >= 0.0
     assert observation[4:].max() == 1.0
+
+
+def drawn_starts(maze, n):
+    rng = np.random.default_rng(0)
+    return np.array([draw_start(maze, rng) for _ in range(n)])
+
+
+class TestDrawStart:
+    @given(layout=layouts(), radius=st.one_of(st.floats(2.5, 60.0), st.just(1e12)))
+    def test_is_where_the_robot_can_go_straight_by_shapely(self, layout, radius):
+        boxes = [[x, y, x + w, y + h] for x, y, w, h in layout.walls.tolist()]
+        grown = np.array(boxes).reshape(-1, 4) + (ROBOT_RADIUS - 1e-6) * np.array([-1, -1, 1, 1])
+        walls = shapely.union_all([shapely.box(*box) for box in grown])
+        free = shapely.box(1.0, 1.0, WIDTH - 1.0, HEIGHT - 1.0)
+        for start in drawn_starts(make_maze(layout, start_radius=radius), 5).tolist():
+            path = shapely.LineString([layout.start, start[:2]])
+            assert start[2:] == [0.0, 0.0]
+            assert 2.0 <= path.length <= radius * (1.0 + 1e-12) or path.length == 0.0
+            assert not path.intersects(walls)
+            assert free.covers(path)
+
+    def test_is_uniform_over_the_disc_and_its_cut_by_walls(self):
+        for walls, (low, high) in (([], (12.0, 28.0)), ([[0, 16, 40, 2]], (12.0, 28.0))):
+            layout = MazeLayout("test", WIDTH, HEIGHT, (20.0, 12.0), (38.0, 12.0), walls)
+            starts = drawn_starts(make_maze(layout, start_radius=8.0), 600)[:, :2]
+            x, y = starts.T
+            disc = shapely.Point(20.0, 12.0).buffer(8.0, 64)
+            free = shapely.box(low, 1.0, high, 15.0 if walls else HEIGHT).intersection(disc)
+            for edge in np.linspace(low, high, 9)[1:-1]:
+                left = free.intersection(shapely.box(0.0, 0.0, edge, HEIGHT)).area / free.area
+                assert np.mean(x < edge) == pytest.approx(left, abs=0.07)
+            below = free.intersection(shapely.box(0.0, 0.0, WIDTH, 10.0)).area / free.area
+            assert np.mean(y < 10.0) == pytest.approx(below, abs=0.07)
+
+    def test_is_the_layouts_own_where_there_is_no_room(self):
+        layout = make_layout([[0, 0, 40, 14], [0, 16.002, 40, 14]], start=(20.0, 15.001))
+        maze = make_maze(layout, start_radius=9.0)
+        np.testing.assert_array_equal(drawn_starts(maze, 2), [maze.start] * 2)
 
 
 def test_is_at_goal_strictly_within_the_radius():

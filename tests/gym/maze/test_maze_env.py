@@ -155,6 +155,29 @@ class TestReset:
         np.testing.assert_allclose(observation[:4], [0.95, -0.95, 0, 0], atol=1e-6)
         assert info["is_success"] is False
 
+    def test_starts_anywhere_near_if_asked_by_the_seed(self):
+        env, twin = (MazeEnv("hard", start_radius=20) for _ in range(2))
+        places = [env.reset(seed=3)[1]["position"], *(env.reset()[1]["position"] for _ in range(4))]
+        again = [
+            twin.reset(seed=3)[1]["position"],
+            *(twin.reset()[1]["position"] for _ in range(4)),
+        ]
+        np.testing.assert_array_equal(places, again)
+        assert len(np.unique(places, axis=0)) == 5
+        assert env.reset(seed=4)[1]["position"][0] != places[0][0]
+        np.testing.assert_array_equal(
+            env.reset(options={"state": (100.0, 5.0, 0.0, 0.0)})[1]["behavior"], [100, 5, 0, 0]
+        )
+
+    def test_draws_nothing_unless_asked(self):
+        env, twin = MazeEnv("hard"), MazeEnv("hard", start_radius=0)
+        for each in (env, twin):
+            before = each.np_random.bit_generator.state
+            each.reset()
+            assert each.np_random.bit_generator.state == before
+        assert same_maze(env.maze, twin.maze)
+        assert not same_maze(env.maze, MazeEnv("hard", start_radius=1).maze)
+
     def test_starts_at_a_given_state(self):
         env = MazeEnv("hard")
         state = np.array([100.0, 5.0, -3.0, 2.0])
@@ -260,6 +283,7 @@ BAD_KEYWORDS = [
     ("n_beams", 2.5),
     *product(["max_speed", "max_acceleration", "lidar_range", "goal_radius"], [0.0, np.nan]),
     ("restitution", 1.1),
+    *(("start_radius", value) for value in (-1.0, np.nan, np.inf, "far")),
     ("render_mode", "ansi"),
     ("layout", "spiral"),
     ("layout", None),

@@ -45,7 +45,9 @@ def play_until_the_end(envs, actions):
 
 class TestAgainstSingleEnvs:
     @pytest.mark.parametrize("mode", MODES)
-    @pytest.mark.parametrize("changes", [{}, {"restitution": 1.0, "horizon": 1}, {"num_envs": 1}])
+    @pytest.mark.parametrize(
+        "changes", [{}, {"restitution": 1.0, "horizon": 1}, {"num_envs": 1}, {"start_radius": 3.0}]
+    )
     def test_equals_gymnasiums_sync_vector_env(self, mode, changes, assert_identical, run):
         actions = random_actions(150, num_envs=changes.get("num_envs", N_ENVS))
         ours = run(make_native(autoreset_mode=mode, **changes), actions)

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -39,23 +38,19 @@ _LABYRINTH = [
 ]
 # fmt: on
 
-BUILT_IN: Mapping[str, MazeLayout] = MappingProxyType(
-    {
-        layout.name: layout
-        for layout in (
-            MazeLayout("snake", 200, 200, (5, 5), (25, 5), np.array(_SNAKE)),
-            MazeLayout("us", 200, 200, (100, 5), (100, 100), np.array(_US)),
-            MazeLayout("hard", 200, 200, (195, 5), (60, 30), np.array(_HARD)),
-            MazeLayout("labyrinth", 200, 200, (195, 5), (170, 140), np.array(_LABYRINTH)),
-        )
-    }
-)
+BUILT_IN = {
+    layout.name: layout
+    for layout in (
+        MazeLayout("snake", 200, 200, (5, 5), (25, 5), np.array(_SNAKE)),
+        MazeLayout("us", 200, 200, (100, 5), (100, 100), np.array(_US)),
+        MazeLayout("hard", 200, 200, (195, 5), (60, 30), np.array(_HARD)),
+        MazeLayout("labyrinth", 200, 200, (195, 5), (170, 140), np.array(_LABYRINTH)),
+    )
+}
 
 
 def resolve_layout(
-    layout: MazeLayout | Mapping[str, Any] | str | os.PathLike[str],
-    built_in: Mapping[str, MazeLayout] = BUILT_IN,
-    name: str = "layout",
+    layout: Any, built_in: Mapping[str, MazeLayout] = BUILT_IN, name: str = "layout"
 ) -> MazeLayout:
     """Return the layout itself, or what its fields, a built-in name, a .json path or a text mean.
 

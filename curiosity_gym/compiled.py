@@ -26,8 +26,8 @@ def compiled(function: _F) -> _F:
     Fast-math stays off: reordered sums would give other bits in other callers. Reference counting
     is off too, as it took more time than the dynamics: a compiled function creates no arrays.
 
-    Functions of a module in no package are compiled in every process: which other modules they
-    inline, whose change would leave their machine code wrong, is not known.
+    Functions of a module in no package are compiled anew in every process: what they inline is not
+    known.
     """
     return _compiled(function, forceinline=True, _nrt=False)
 
@@ -75,16 +75,10 @@ def _digest(package: str) -> bytes:
 
 
 class ThreadPool:
-    """Runs a compiled function over slices of a range, on Python threads.
+    """Runs a compiled function over slices of a range, on `n_threads` or as many as processors.
 
     Python threads and not Numba's own: those abort after a fork or on concurrent calls. The
     function must release the GIL and write only to its own slice: results depend on nothing else.
-
-    Args:
-        n_threads: At least 1; None: as many as this process has processors.
-
-    Raises:
-        ValueError: If `n_threads` is less than 1.
     """
 
     def __init__(self, n_threads: int | None = None) -> None:

@@ -3,7 +3,7 @@
 - `env.unwrapped.behavior_space`: a `Box`, the bounds of the behavior (of a wrapper that adds one:
   `env.get_wrapper_attr("behavior_space")`);
 - `env.unwrapped.behavior_names`: a tuple with the name of each entry of the behavior and its unit,
-  such as "x (m)"; axes and tables show them. An environment of one's own need not have it;
+  such as "x (m)"; axes and tables show them. It may be missing;
 - `env.unwrapped.coverage_grid`: a `CoverageGrid`, which part of the behavior coverage counts;
 - `info["behavior"]`: the behavior, a short description of the episode so far, (B,) float64;
 - `info["is_success"]`: whether the goal is reached.
@@ -27,6 +27,19 @@ Frame = npt.NDArray[np.uint8]
 
 class SimulationError(RuntimeError):
     """A simulation became unstable: its state is no longer one that physics led to."""
+
+    @classmethod
+    def of(cls, warning: Any, simulation: int = 0) -> SimulationError:
+        """The error of a simulation that MuJoCo gave a warning of (`mjtWarning`)."""
+        return cls(
+            f"MuJoCo warned of {warning.name.removeprefix('mjWARN_')} in simulation {simulation} "
+            "and may have reset it: its episode cannot go on, reset the environment."
+        )
+
+
+def norm(vectors: Float64Array) -> Float64Array:
+    """Lengths of the rows: `numpy.linalg.norm` of each, whose dot product `vecdot` calls too."""
+    return np.sqrt(np.vecdot(vectors, vectors))
 
 
 def entry_names(behavior_names: Sequence[str] | None, n: int) -> tuple[str, ...]:
@@ -92,8 +105,7 @@ class CoverageGrid:
         """Flat cell indices (n,) of behaviors (n, B); values out of bounds count at the edge."""
         values = (behaviors[:, self.dimensions] - self.low) / (self.high - self.low)
         indices = np.clip(values * self.n_cells, 0, self.n_cells - 1).astype(np.int64)
-        flat: npt.NDArray[np.int64] = np.ravel_multi_index(tuple(indices.T), self.shape)
-        return flat
+        return np.ravel_multi_index(tuple(indices.T), self.shape)
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import gymnasium as gym
@@ -18,15 +19,7 @@ from curiosity_gym.validation import as_float32, check_render_mode
 class EpisodicEnv(FixedSettings, gym.Env[FloatArray, Float32Array]):
     """Episodes of one simulation; success in step t is rewarded `1 - t / horizon`.
 
-    Args:
-        simulation: Of one episode.
-        horizon: Steps after which an episode is truncated.
-        render_mode: "rgb_array" or None.
-        make_viewer: Makes the viewer of the simulation.
-        sparse: False: rewards are those of the simulation.
-
-    Raises:
-        ValueError: If the mode is another.
+    Unless it is `sparse`, rewards are those of the simulation. `make_viewer` makes what draws it.
     """
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
@@ -52,7 +45,6 @@ class EpisodicEnv(FixedSettings, gym.Env[FloatArray, Float32Array]):
         self.metadata = {**type(self).metadata, "render_fps": simulation.fps}
         self.render_mode = render_mode
         self._make_viewer = make_viewer
-        self._viewer: Any = None
         self._action_shape = simulation.action_space.shape
         self._t = -1  # no episode yet
         self._ended = False
@@ -62,11 +54,7 @@ class EpisodicEnv(FixedSettings, gym.Env[FloatArray, Float32Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
-        """Begin an episode; see Gymnasium, and the class for its options.
-
-        Raises:
-            ValueError: If an option is not what it may be.
-        """
+        """Begin an episode; see Gymnasium, and the class for its options."""
         super().reset(seed=seed)
         rngs = [self.np_random] if self.simulation.draws else []
         self.simulation.reset(rngs=rngs, options=options)
@@ -128,17 +116,15 @@ class EpisodicEnv(FixedSettings, gym.Env[FloatArray, Float32Array]):
             raise ResetNeeded("Call reset() before render().")
         return self.simulation.draw(self.viewer, 0)
 
-    @property
+    @cached_property
     def viewer(self) -> Any:
-        """The viewer of the simulation, made when it is first asked for."""
-        if self._viewer is None:
-            self._viewer = self._make_viewer()
-        return self._viewer
+        """The viewer of the simulation."""
+        return self._make_viewer()
 
     def close(self) -> None:
         """Drop the viewer; the next picture makes another."""
-        self._viewer = None
+        vars(self).pop("viewer", None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle and copy without the viewer, which belongs to its process."""
-        return {**self.__dict__, "_viewer": None}
+        return {name: value for name, value in vars(self).items() if name != "viewer"}

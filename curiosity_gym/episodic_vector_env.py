@@ -30,10 +30,8 @@ from curiosity_gym.validation import (
 class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]):
     """`num_envs` episodes; step for step what a `SyncVectorEnv` of the single envs gives.
 
-    `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. A
-    subclass says of which class the single envs are. It has their settings, too.
-
-    The other arguments are those of the single environment.
+    `gymnasium.make_vec(id, num_envs=n, vectorization_mode="vector_entry_point")` makes it. The
+    other arguments are those of the single environment, whose settings are attributes here, too.
 
     Args:
         num_envs: Number of episodes side by side.
@@ -47,9 +45,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         n_threads: None: as many as there are processors. Results do not depend on it.
 
     Raises:
-        ValueError: If an argument is not what it may be.
-        TypeError: If the single environment takes no such argument.
-        gymnasium.error.DependencyNotInstalled: If the extra that it needs is not installed.
+        ValueError: If an argument is not what it may be; as the single environment.
     """
 
     behavior_space: spaces.Box[np.float64]
@@ -95,9 +91,10 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         draws = self.simulation.draws
         self._rngs = [seeding.np_random()[0] for _ in range(num_envs)] if draws else []
 
-    def _is_ready(self) -> bool:
-        """Whether every env has an episode, under way or just ended."""
-        return bool((self._steps >= 0).all())
+    def _check_ready(self, method: str) -> None:
+        """Raise unless every env has an episode, under way or just ended."""
+        if not (self._steps >= 0).all():
+            raise ResetNeeded(f"Call reset() before {method}(): an env has no episode.")
 
     def make_single_env(self) -> gym.Env[FloatArray, Float32Array]:
         """A single env that gives, step for step, what each of these gives."""
@@ -121,8 +118,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
                 of a single env.
 
         Raises:
-            ValueError: If a seed is not what it may be, seeds are not as many as envs, or an option
-                is not what it may be.
+            ValueError: If a seed or an option is not what it may be.
         """
         seeds = self._seeds(seed)
         mask = self._reset_mask(options)
@@ -135,14 +131,15 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """The seed of each env."""
-        if seed is None or isinstance(seed, int | np.integer):
+        if isinstance(seed, int | np.integer):
             check_seed(seed)
-            return [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        for own in seed:
+            return [int(seed) + i for i in range(self.num_envs)]
+        seeds = [None] * self.num_envs if seed is None else list(seed)
+        for own in seeds:
             check_seed(own)
-        if len(seed) != self.num_envs:
+        if len(seeds) != self.num_envs:
             raise ValueError(f"`seed` must hold {self.num_envs} seeds, one an env, got {seed!r}.")
-        return [None if own is None else int(own) for own in seed]
+        return [None if own is None else int(own) for own in seeds]
 
     def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
         mask = None if options is None else options.get("reset_mask")
@@ -165,46 +162,34 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
     def step(  # type: ignore[override]
         self, actions: Float32Array
     ) -> tuple[FloatArray, Float64Array, Mask, Mask, dict[str, Any]]:
-        """Step every env once.
-
-        Args:
-            actions: (num_envs, A), rounded to float32. Beyond the action space they act as far as
-                that goes.
-
-        Returns:
-            Observations (num_envs, O), rewards, terminations, truncations (num_envs,), and infos.
+        """Step every env once, by actions (num_envs, A), rounded to float32; see `EpisodicEnv`.
 
         Raises:
             ValueError: If the actions are not (num_envs, A) finite numbers.
             gymnasium.error.ResetNeeded: Before the first reset, and with autoreset disabled while
                 an env has ended.
-            SimulationError: If the physics of a control task became unstable; every env needs a
-                reset then.
+            SimulationError: If the physics became unstable; every env needs a reset then.
         """
         actions = np.ascontiguousarray(as_float32(actions))
         if actions.shape != self.action_space.shape or not np.isfinite(actions).all():
             raise ValueError(f"`actions` must be finite, of shape {self.action_space.shape}.")
-        is_disabled = self.autoreset_mode == AutoresetMode.DISABLED
-        if not self._is_ready() or (is_disabled and self._ended.any()):
-            raise ResetNeeded("Call reset() before step(): an env has no episode under way.")
+        self._check_ready("step")
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
+            raise ResetNeeded("Call reset() before step(): an env's episode has ended.")
         resets, steps = self._ended, self._steps
         self._steps = np.full(self.num_envs, -1)  # all need a reset, should the physics fail midway
         terminated = self.simulation.advance(actions, resets, self._rngs)
         self._steps = np.where(resets, 0, steps + 1)
-        truncated = self._truncated(terminated)
+        truncated: Mask = ~terminated & (self._steps >= self.horizon)
+        # A `TimeLimit` truncates a step that terminates, too.
+        if self.max_episode_steps is not None:
+            truncated |= self._steps >= self.max_episode_steps
         rewards = self._rewards()
         self._ended = terminated | truncated
         is_reset_now = self.autoreset_mode == AutoresetMode.SAME_STEP and self._ended.any()
         finals = self._reset_ended() if is_reset_now else {}
         infos = {**finals, **self._infos(np.ones(self.num_envs, dtype=np.bool_))}
         return self._handed_out(), rewards, terminated, truncated, infos
-
-    def _truncated(self, terminated: Mask) -> Mask:
-        truncated: Mask = ~terminated & (self._steps >= self.horizon)
-        # A `TimeLimit` truncates a step that terminates, too.
-        if self.max_episode_steps is not None:
-            truncated |= self._steps >= self.max_episode_steps
-        return truncated
 
     def _rewards(self) -> Float64Array:
         if not self.sparse:
@@ -223,12 +208,8 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
             final_obs[i] = self.simulation.observations[i].copy()
         final_info = self._infos(ended)
         self._begin(ended)
-        return {
-            "final_obs": final_obs,
-            "_final_obs": ended.copy(),
-            "final_info": final_info,
-            "_final_info": ended.copy(),
-        }
+        finals = {"final_obs": final_obs, "final_info": final_info}
+        return finals | {f"_{name}": ended.copy() for name in finals}
 
     def _infos(self, mask: Mask) -> dict[str, Any]:
         """Infos of the envs of `mask`, as Gymnasium gives them; of a last step if there was one."""
@@ -249,32 +230,30 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
     def state_dict(self) -> dict[str, Any]:
         """The episodes as they stand, under way or just ended, for `load_state_dict`.
 
-        `np_random` and the generators of the spaces are not part of it: nothing is drawn from them.
-
         Returns:
-            New arrays by their names. `steps`, (num_envs,) int64, the steps taken; `ended`,
-            (num_envs,) bool, which envs have ended and not begun anew; `observations`, the last,
-            (num_envs, O); `physics`, (num_envs, S) float64. And `generators`, a list of the state
-            of each env's generator, if starts are random.
+            New arrays. `steps`, (num_envs,) int64, taken; `ended`, (num_envs,) bool, which envs
+            have ended and not begun anew; `observations`, the last, (num_envs, O); `physics`,
+            (num_envs, S) float64. And `generators`, the state of each env's, if starts are random.
 
         Raises:
             gymnasium.error.ResetNeeded: Before the first reset, and after the physics failed.
         """
-        if not self._is_ready():
-            raise ResetNeeded("Call reset() before state_dict(): an env has no episode.")
-        generators: list[Any] = [rng.bit_generator.state for rng in self._rngs]
-        return {**self._snapshot(), "generators": generators}
+        self._check_ready("state_dict")
+        return {
+            **self._snapshot(),
+            "generators": [rng.bit_generator.state for rng in self._rngs],
+        }
 
     def _snapshot(self) -> dict[str, Any]:
-        own = {"steps": self._steps.copy(), "ended": self._ended.copy()}
-        observations = self.simulation.observations.copy()
-        return {**own, "observations": observations, "physics": self.simulation.state}
+        return {
+            "steps": self._steps.copy(),
+            "ended": self._ended.copy(),
+            "observations": self.simulation.observations.copy(),
+            "physics": self.simulation.state,
+        }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `state_dict` gave, here or elsewhere, bit for bit; no reset is needed.
-
-        Args:
-            state: Of an environment made with the same keywords, `n_threads` aside.
+        """Go on, bit for bit, from what an environment of the same keywords but threads gave.
 
         Raises:
             ValueError: If it is not a state of such an environment; nothing has changed then.
@@ -298,8 +277,7 @@ class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]
         if self.render_mode is None:
             gym.logger.warn("render() needs a render_mode: make the env with one.")
             return None
-        if not self._is_ready():
-            raise ResetNeeded("Call reset() before render().")
+        self._check_ready("render")
         viewer = self._single.viewer
         return tuple(self.simulation.draw(viewer, i) for i in range(self.num_envs))
 

@@ -19,10 +19,16 @@ def import_extra(extra: str, *modules: str) -> tuple[ModuleType, ...]:
     Raises:
         gymnasium.error.DependencyNotInstalled: If one of them cannot be imported.
     """
-    with warnings.catch_warnings():
-        # dm_control tries a window first: error 65550 says that there is no display to open it on.
-        warnings.filterwarnings("ignore", r"\(65550\)", UserWarning, r"glfw(\.|$)")
-        return tuple(_import(extra, module) for module in modules)
+    try:
+        with warnings.catch_warnings():
+            # dm_control tries a window first: error 65550 says that there is no display for it.
+            warnings.filterwarnings("ignore", r"\(65550\)", UserWarning, r"glfw(\.|$)")
+            return tuple(map(importlib.import_module, modules))
+    except ImportError as error:
+        raise DependencyNotInstalled(
+            f"This needs {', '.join(modules)}, which cannot be imported ({error}): run "
+            f"`{install_command(extra)}`."
+        ) from error
 
 
 def install_command(extra: str) -> str:
@@ -32,13 +38,3 @@ def install_command(extra: str) -> str:
         # Its labmaze has no wheel there, and nothing here uses that.
         return f'{command} && pip install --no-deps "{DM_CONTROL}"'
     return command
-
-
-def _import(extra: str, module: str) -> ModuleType:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise DependencyNotInstalled(
-            f"This needs {module}, which cannot be imported ({error}): run "
-            f"`{install_command(extra)}`."
-        ) from error

@@ -1,8 +1,6 @@
 """Maze layouts: where the walls, the start and the goal are, and what the robot can reach.
 
-Lengths are in maze units, the origin is bottom left and y points up. A layout is valid when the
-robot fits at the start and can come within `GOAL_RADIUS` of the goal; anything else is a
-`ValueError` that names the field.
+Lengths are in maze units, the origin is bottom left and y points up.
 """
 
 import hashlib
@@ -58,10 +56,9 @@ class MazeLayout:
         for field in ("start", "goal"):
             place = _floats(field, getattr(self, field), "two numbers (x, y)", (2,))
             self._set(field, tuple(place.tolist()))
-        self._set("walls", _clip(_walls(self.walls), self.width, self.height))
+        self._set("walls", _walls(self.walls, self.width, self.height))
         self.walls.setflags(write=False)
-        _check_start(self)
-        _check_goal(self)
+        _check_places(self)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, MazeLayout):
@@ -98,20 +95,24 @@ class MazeLayout:
     ) -> "MazeLayout":
         """Read a drawing: `#` wall, `.` free, `S` start, `G` goal, top row first.
 
-        Rows have equal length; indentation and blank lines around them are ignored. Each character
-        stands for a square of side `cell_size`, of which `S` and `G` are the centers. With more
-        than 2 the robot fits through doors of one character.
+        Rows have equal length; indentation and blank lines around them are ignored. A character is
+        a square of side `cell_size`; the robot fits through one if that is above 2.
         """
         size = _number_above(0.0, "cell_size", cell_size)
         rows = [row.strip() for row in text.strip().splitlines()][::-1]  # y points up
         _check_rows(rows)
-        start, goal = (_center_of(letter, rows, size) for letter in "SG")
+        centers = {
+            letter: ((x + 0.5) * size, (y + 0.5) * size)
+            for y, row in enumerate(rows)
+            for x, letter in enumerate(row)
+        }
         walls = [
             (run.start() * size, y * size, len(run.group()) * size, size)
             for y, row in enumerate(rows)
             for run in re.finditer("#+", row)
         ]
-        return cls(name, len(rows[0]) * size, len(rows) * size, start, goal, np.array(walls))
+        extent = len(rows[0]) * size, len(rows) * size
+        return cls(name, *extent, centers["S"], centers["G"], np.array(walls))
 
     def to_dict(self) -> dict[str, Any]:
         """All fields, as `from_dict` takes them and JSON can hold them."""
@@ -150,8 +151,7 @@ def are_free(layout: MazeLayout, places: Float64Array, margin: float) -> Mask:
     in_world = np.all((places >= margin) & (places <= limit), axis=1)
     low, high = layout.walls[:, :2] - margin, layout.walls[:, :2] + layout.walls[:, 2:] + margin
     in_walls = np.all((places[:, None] > low) & (places[:, None] < high), axis=2)
-    free: Mask = in_world & ~np.any(in_walls, axis=1)
-    return free
+    return in_world & ~np.any(in_walls, axis=1)
 
 
 @lru_cache(maxsize=8)  # a layout's check, its reachable cells and its goal ask for the same
@@ -169,7 +169,7 @@ def _number_above(limit: float, field: str, value: object) -> float:
 
 
 def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> Float64Array:
-    """Convert to finite float64 of a shape, in which -1 stands for any length, or raise."""
+    """Convert to finite float64 of a shape, in which -1 is any length, or raise."""
     try:
         array = np.asarray(value)
     except ValueError:  # rows of unequal length
@@ -184,16 +184,12 @@ def _floats(field: str, value: object, meaning: str, shape: tuple[int, ...]) -> 
     return array.astype(np.float64) + 0.0  # -0.0 would make equal layouts differ in bytes
 
 
-def _walls(value: object) -> Float64Array:
+def _walls(value: object, width: float, height: float) -> Float64Array:
+    """Clip walls (n, 4) to the world and drop what is outside; those inside keep their bits."""
     walls = _floats("walls", value, "rows of x, y, width, height", (-1, 4))
     bad = np.flatnonzero((walls[:, 2:] <= 0).any(axis=1))
     if bad.size:
         raise ValueError(f"walls must have positive sizes, got {walls[bad[0]].tolist()}.")
-    return walls
-
-
-def _clip(walls: Float64Array, width: float, height: float) -> Float64Array:
-    """Clip walls (n, 4) to the world and drop what is outside; those inside keep their bits."""
     low, limit = walls[:, :2], np.array([width, height])
     high = low + walls[:, 2:]
     sticks_out = (low < 0) | (high > limit)
@@ -202,22 +198,15 @@ def _clip(walls: Float64Array, width: float, height: float) -> Float64Array:
     return np.hstack([low, size])[(size > 0).all(axis=1)]
 
 
-def _check_start(layout: MazeLayout) -> None:
+def _check_places(layout: MazeLayout) -> None:
+    world = f"the {layout.width:g} x {layout.height:g} world"
     if not are_free(layout, np.array([layout.start]), ROBOT_RADIUS).all():
         raise ValueError(
             f"start must be at least {ROBOT_RADIUS:g} away from every wall and from the border of "
-            f"the {layout.width:g} x {layout.height:g} world, got {layout.start}."
-        )
-
-
-def _check_goal(layout: MazeLayout) -> None:
-    limits = zip(layout.goal, (layout.width, layout.height), strict=True)
-    if not all(0 <= x <= size for x, size in limits):
-        raise ValueError(
-            f"goal must be in the {layout.width:g} x {layout.height:g} world, got {layout.goal}."
+            f"{world}, got {layout.start}."
         )
     if not are_free(layout, np.array([layout.goal]), 0.0).all():
-        raise ValueError(f"goal must be outside the walls, got {layout.goal}.")
+        raise ValueError(f"goal must be in {world} and outside the walls, got {layout.goal}.")
     if not closest_approach(layout) < GOAL_RADIUS:
         raise ValueError(
             f"goal must be within {GOAL_RADIUS:g} of a point that the robot can reach from the "
@@ -233,8 +222,3 @@ def _check_rows(rows: list[str]) -> None:
             "layout text must have rows of one length, of '#' and '.', one 'S' and one 'G', got "
             f"{rows[::-1]!r:.200}."
         )
-
-
-def _center_of(letter: str, rows: list[str], cell_size: float) -> tuple[float, float]:
-    y, row = next((y, row) for y, row in enumerate(rows) if letter in row)
-    return (row.index(letter) + 0.5) * cell_size, (y + 0.5) * cell_size

@@ -21,14 +21,11 @@ from curiosity_gym.simulation import MujocoSimulation
 if TYPE_CHECKING:
     import mujoco
 
-FURTHER_GEOMS = 1000
-"""That a picture may show beside the model's own."""
+FURTHER_GEOMS = 1000  # that a picture may show beside the model's own
 
 
 class MujocoViewer:
-    """Draws simulations of one model from its first camera, or one of its own.
-
-    `width` and `height` are those of a frame (pixels).
+    """Draws frames of a width and height (pixels) of simulations of one model.
 
     Raises:
         gymnasium.error.DependencyNotInstalled: If there is no OpenGL to draw with.
@@ -81,8 +78,7 @@ def _free(gl: Any, renderer: Any, process: int) -> None:
         gl.free()
 
 
-_processes: set[int] = set()
-"""Those that have drawn."""
+_processes: set[int] = set()  # those that have drawn
 
 
 def _check_process() -> None:

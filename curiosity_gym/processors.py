@@ -7,8 +7,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-CONTROL_GROUP = Path("/sys/fs/cgroup")
-"""Where Linux tells a container its limits."""
+CONTROL_GROUP = Path("/sys/fs/cgroup")  # where Linux tells a container its limits
 QUOTAS = (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us"))
 """Its files, of both versions, with the time of processors in a period, and the period (us)."""
 

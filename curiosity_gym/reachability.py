@@ -1,7 +1,7 @@
-"""The free space of a maze that a robot can reach, exactly: the part connected to a start.
+"""The free space of a maze that a robot can reach from a start, exactly.
 
-Coordinate compression: the edges of the grown walls cut the world into rectangles, each wholly free
-or wholly blocked, and a flood fill over shared sides finds the free ones that the start reaches.
+The edges of the grown walls cut the world into rectangles, each wholly free or wholly blocked. A
+flood fill over shared sides finds the free ones that the start reaches.
 """
 
 from collections.abc import Sequence
@@ -52,7 +52,9 @@ def reachable_region(
     """
     left, right, xs = _grown_spans(walls[:, 0], walls[:, 2], size[0], radius)
     bottom, top, ys = _grown_spans(walls[:, 1], walls[:, 3], size[1], radius)
-    free = _free_rectangles((xs.size - 1, ys.size - 1), (left, right), (bottom, top))
+    free = np.ones((xs.size - 1, ys.size - 1), dtype=np.bool_)
+    for i in range(len(walls)):
+        free[left[i] : right[i], bottom[i] : top[i]] = False
     at_start = np.outer(_holds(xs, start[0]), _holds(ys, start[1]))
     return Region(xs, ys, _flood(free, at_start & free))
 
@@ -65,19 +67,6 @@ def _grown_spans(
     ends = np.concatenate([limits, low - radius, low + length + radius])
     edges, index = np.unique(np.round(np.clip(ends, *limits), _DECIMALS), return_inverse=True)
     return index[2 : 2 + low.size], index[2 + low.size :], edges
-
-
-def _free_rectangles(
-    shape: tuple[int, int], across: tuple[IntArray, IntArray], up: tuple[IntArray, IntArray]
-) -> Mask:
-    """Mark the rectangles that no wall covers, from the ends of the walls' spans along x and y."""
-    changes = np.zeros((shape[0] + 1, shape[1] + 1), dtype=np.int32)
-    for sign_x, x in zip((1, -1), across, strict=True):
-        for sign_y, y in zip((1, -1), up, strict=True):
-            np.add.at(changes, (x, y), sign_x * sign_y)
-    n_walls = changes.cumsum(axis=0, out=changes).cumsum(axis=1, out=changes)
-    free: Mask = n_walls[:-1, :-1] == 0
-    return free
 
 
 def _holds(edges: Float64Array, value: float) -> Mask:
@@ -105,5 +94,4 @@ def _flood(free: Mask, reached: Mask) -> Mask:
                 is_left[other] = False
                 pending.append(other)
     still_left = np.frombuffer(is_left, dtype=bool).reshape(left.shape)
-    region: Mask = free & ~still_left[1:-1, 1:-1]
-    return region
+    return free & ~still_left[1:-1, 1:-1]

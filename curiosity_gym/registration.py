@@ -36,11 +36,7 @@ def _locomotion(robot: str, **kwargs: Any) -> dict[str, Any]:
     return _spec("locomotion", env_id=f"{robot}-v5", **kwargs)
 
 
-def _sparse(env_id: str) -> dict[str, Any]:
-    return {
-        "entry_point": "curiosity_gym.wrappers.ready_made:SparseEnv",
-        "kwargs": {"env_id": env_id},
-    }
+_SPARSE_ENV = {"entry_point": "curiosity_gym.wrappers.ready_made:SparseEnv"}
 
 
 SPECS: dict[str, dict[str, Any]] = {
@@ -59,7 +55,10 @@ SPECS: dict[str, dict[str, Any]] = {
         horizon=2000,
         env_kwargs={"terminate_when_unhealthy": False},
     ),
-    **{f"CuriositySparse-{name}-v0": _sparse(env_id) for name, env_id in _SPARSE.items()},
+    **{
+        f"CuriositySparse-{name}-v0": _SPARSE_ENV | {"kwargs": {"env_id": env_id}}
+        for name, env_id in _SPARSE.items()
+    },
 }
 """The arguments of `gymnasium.register`, by id."""
 

@@ -1,4 +1,4 @@
-"""The base of simulations, which the single and the vector environments of a kind share."""
+"""The base of simulations, which single and vector environments share."""
 
 from __future__ import annotations
 
@@ -15,20 +15,11 @@ from curiosity_gym.core import CoverageGrid, Float64Array, FloatArray, Frame, Ma
 Ids = npt.NDArray[np.int64]
 Rngs = Sequence[np.random.Generator]
 Options = dict[str, Any] | None
-Values = dict[str, Any]
-"""Entries of infos by name: arrays (k, ...)."""
+Values = dict[str, Any]  # entries of infos by name: arrays (k, ...)
 
 
 class BaseSimulation:
-    """n episodes of one task, advanced side by side; spaces are those of a single environment.
-
-    Attributes:
-        fps: Steps a second.
-        draws: Whether episodes begin at random.
-        observations: (n, O), overwritten by each step.
-        rewards: (n,) rewards of the last step, if the task rewards more than success.
-        success: (n,) whether that step reached the goal; False where an episode begins.
-    """
+    """n episodes of one task, advanced side by side; spaces are those of a single environment."""
 
     observation_space: spaces.Box[Any]
     action_space: spaces.Box[np.float32]
@@ -36,11 +27,11 @@ class BaseSimulation:
     behavior_names: tuple[str, ...]
     coverage_grid: CoverageGrid
     fps: int
-    draws: bool
+    draws: bool  # whether episodes begin at random
     n: int
-    observations: FloatArray
-    rewards: Float64Array
-    success: Mask
+    observations: FloatArray  # (n, O), overwritten by each step
+    rewards: Float64Array  # (n,) of the last step, if the task rewards more than success
+    success: Mask  # (n,) whether that step reached the goal; False where an episode begins
 
     @abstractmethod
     def replicate(self, n: int, n_threads: int | None) -> Self:
@@ -50,8 +41,7 @@ class BaseSimulation:
     def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
         """Begin the episodes of `ids`, sorted, None: all; the others stay as they are.
 
-        Random starts are drawn from `rngs`, one for each of `ids`, or one for all of them, which
-        then begin alike. The options are those of a reset.
+        `rngs` draw random starts, one for each of `ids`, or one a start for all of them.
         """
 
     @abstractmethod
@@ -59,7 +49,7 @@ class BaseSimulation:
         """Advance k `ids`, sorted, by actions (k, A); whether that ends each, (k,), a new array."""
 
     def advance(self, actions: FloatArray, resets: Mask, rngs: list[np.random.Generator]) -> Mask:
-        """Step all (n, A), but reset those of `resets`; whether a step ended each, (n,)."""
+        """Step all (n, A), but reset those of `resets` (n,); whether a step ended each, (n,)."""
         if not resets.any():
             return self.step(actions)
         ended = np.zeros(self.n, dtype=np.bool_)
@@ -81,19 +71,15 @@ class BaseSimulation:
     @property
     @abstractmethod
     def state(self) -> Float64Array:
-        """All that the next steps depend on, (n, S), finite; a new array."""
+        """All that the next steps depend on, (n, S), finite, a new array."""
 
     @abstractmethod
     def restore(self, state: Float64Array, observations: FloatArray) -> None:
-        """Go on from a `state` and what was observed there, bit for bit.
+        """Go on from there, bit for bit; a ValueError, and no change, if no episode leads there."""
 
-        Raises:
-            ValueError: If no episode leads there; the simulations are where they were then.
-        """
-
-    @abstractmethod
     def draw(self, viewer: Any, index: int) -> Frame:
         """A picture (height, width, 3) of one of them."""
+        return viewer.draw(self, index)
 
 
 class MujocoSimulation(BaseSimulation):
@@ -103,9 +89,7 @@ class MujocoSimulation(BaseSimulation):
     """Attributes that are pickled; the constructor makes the others, and `_put` fills them."""
 
     def __init__(self, task: Any, n: int, n_threads: int | None = None) -> None:
-        self.task = task
-        self.n = n
-        self.n_threads = n_threads
+        self.task, self.n, self.n_threads = task, n, n_threads
         self.observation_space, self.action_space = task.observation_space, task.action_space
         self.behavior_space = spaces.Box(task.behavior_low, task.behavior_high, dtype=np.float64)
         self.behavior_names = task.behavior_names
@@ -139,14 +123,10 @@ class MujocoSimulation(BaseSimulation):
     def write_data(self, simulation: int, data: Any) -> None:
         """Write one simulation's state and derived fields into an `MjData`, to draw it."""
 
-    def draw(self, viewer: Any, index: int) -> Frame:
-        frame: Frame = viewer.draw(self, index)
-        return frame
-
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the state of the physics alone, as the simulator owns threads."""
-        made_of = {"made_of": (self.task, self.n, self.n_threads), "state": self.state}
-        return {**made_of, **{name: getattr(self, name) for name in self._kept}}
+        kept = {name: getattr(self, name) for name in self._kept}
+        return {"made_of": (self.task, self.n, self.n_threads), "state": self.state, **kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the simulations anew; their next step gives the same bits."""

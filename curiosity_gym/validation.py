@@ -13,8 +13,7 @@ from curiosity_gym.core import Float32Array
 
 LARGEST_COUNT = 10**9
 """Beyond it no run ends, no memory holds so many, and 32 bits cannot number them."""
-LARGEST = 1e12
-"""The bound of other numbers: their squares are finite in 32 bits too."""
+LARGEST = 1e12  # the bound of other numbers: their squares are finite in 32 bits too
 
 
 def _checker(what: str, is_valid: Callable[[Any], bool]) -> Callable[..., None]:
@@ -55,7 +54,9 @@ check_share = _checker("from 0 to 1", lambda value: 0.0 <= _number(value) <= 1.0
 check_bool = _checker("True or False", lambda value: isinstance(value, bool | np.bool_))
 check_keywords = _checker(
     "None or a dictionary of keywords",
-    lambda value: value is None or (isinstance(value, dict) and all(map(_is_name, value))),
+    lambda value: (
+        value is None or (isinstance(value, dict) and all(isinstance(key, str) for key in value))
+    ),
 )
 check_render_mode = _checker('None or "rgb_array"', lambda value: value in (None, "rgb_array"))
 _check_seed = _checker(
@@ -90,10 +91,6 @@ def _number(value: object) -> float:
         return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
     except OverflowError:  # a whole number beyond floats
         return math.inf
-
-
-def _is_name(key: object) -> bool:
-    return isinstance(key, str)
 
 
 def check_info(info: object) -> None:

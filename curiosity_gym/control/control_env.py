@@ -18,8 +18,7 @@ class ControlEnv(EpisodicEnv):
     Description:
         The control environments of "Curiosity creates Diversity in Policy Search" (section 4.1).
         Physics, observations and goals are dm_control's own, bit for bit; reward, fixed start and
-        target are the paper's. The class of each task, in `curiosity_gym.control.tasks`, describes
-        it:
+        target are the paper's:
 
         =================================== =========== ============ =======
         Id                                  `task`      observations actions
@@ -39,8 +38,7 @@ class ControlEnv(EpisodicEnv):
         `Box` of shape `(O,)`, float32, unbounded: dm_control's observations, in its order.
 
     Behavior:
-        `info["behavior"]`, of `behavior_space`. Coverage counts it in 50 cells a dimension
-        (`coverage_grid`); which of them can be reached at all is not known.
+        `info["behavior"]`, of `behavior_space`, counted in 50 cells a dimension (`coverage_grid`).
 
     Rewards:
         `1 - t / horizon` on the step t that solves the task, and 0 on every other.
@@ -62,18 +60,13 @@ class ControlEnv(EpisodicEnv):
         height: Of a frame (pixels).
         success_threshold: Of stacker alone: the least of dm_control's own reward that counts as
             success, from above 0 to 1; None: 0.1, as in the paper's code.
-        random_start: Whether each episode begins where dm_control begins one, drawn anew, rather
-            than at the paper's fixed start.
-        render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
-            Gymnasium's own window.
+        random_start: Whether dm_control draws the start of each episode.
+        render_mode: "rgb_array" or None; `gym.make` also takes "human", and opens a window.
 
     Raises:
         ValueError: If an argument is not what it may be.
         TypeError: If `success_threshold` is given for another task than stacker.
         gymnasium.error.DependencyNotInstalled: If the extra `control` is not installed.
-
-    Version History:
-        * v0: Initial version.
     """
 
     settings = ("task", "success_threshold", "random_start", "width", "height")
@@ -104,10 +97,7 @@ class ControlEnv(EpisodicEnv):
 
 
 class ControlVectorEnv(EpisodicVectorEnv):
-    """An `EpisodicVectorEnv`; its other arguments are those of `ControlEnv`.
-
-    There is no process an env: MuJoCo's threads step them all.
-    """
+    """An `EpisodicVectorEnv` of `ControlEnv`; MuJoCo's threads step them all."""
 
     task: ControlTask
     single_class = ControlEnv

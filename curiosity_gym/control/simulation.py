@@ -28,26 +28,20 @@ class Simulation(MujocoSimulation):
             check_at_least_one(n_threads=n_threads)
         super().__init__(task, n, n_threads)
         (self._mujoco, batch) = import_extra("control", "mujoco", "mujoco.batch")
-        # Persistent: an MjData each, from which the next step goes on and which the viewer draws.
         n_threads = min(n, n_threads or available_cpus())
+        # Persistent: an MjData each, from which the next step goes on and which the viewer draws.
         self._batch = batch.Batch(task.model, n, n_threads, persistent=True)
         self._owner = os.getpid()
         keep_in_children(self, self._batch)
         self._controls: Float64Array = self._batch.bind("ctrl")
         self._warnings = self._batch.warning[:, :, 1]
         self._fields = {name: self._batch.bind(name) for name in task.fields}
-        self._targets = self._open_targets()
+        self._targets = np.empty((n, 0))  # each simulation's own (n, 3), where it moves
+        if (kind := task.moving_target) is not None:
+            target = getattr(task.model, kind)("target").id
+            self._targets = self._batch.expand(f"{kind}_pos")[:, target]
         self._start = task.start_state(task.model)
         self._random_starts = RandomStarts(task) if task.draws else None
-
-    def _open_targets(self) -> Float64Array:
-        """Each simulation's own target (n, 3), a view; (n, 0) where it never moves."""
-        kind = self.task.moving_target
-        if kind is None:
-            return np.empty((self.n, 0))
-        targets = self._batch.expand(f"{kind}_pos")
-        view: Float64Array = targets[:, getattr(self.task.model, kind)("target").id]
-        return view
 
     def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
         self._stay_in_process()
@@ -78,7 +72,9 @@ class Simulation(MujocoSimulation):
         stage = self._mujoco.mjtStage.mjSTAGE_VEL.value
         self._batch.step(ids, self.task.n_substeps, stage)
         if self._warnings.any():
-            self._raise_warning()
+            simulation, kind = np.argwhere(self._warnings)[0].tolist()
+            self._batch.warning[:] = 0
+            raise SimulationError.of(self._mujoco.mjtWarning(kind), simulation)
         self.success[rows] = solved = self.task.success(self._observe(rows))
         return solved
 
@@ -96,15 +92,6 @@ class Simulation(MujocoSimulation):
         self.observations[rows] = observations
         return fields
 
-    def _raise_warning(self) -> None:
-        simulation, kind = np.argwhere(self._warnings)[0].tolist()
-        self._batch.warning[:] = 0
-        name = self._mujoco.mjtWarning(kind).name.removeprefix("mjWARN_")
-        raise SimulationError(
-            f"MuJoCo warned of {name} in simulation {simulation} and may have reset it: "
-            "its episode cannot go on, reset the environment."
-        )
-
     @property
     def behaviors(self) -> Float64Array:
         """(n, B) the behavior of each episode, clipped to its bounds; a new array."""
@@ -117,7 +104,6 @@ class Simulation(MujocoSimulation):
 
     @property
     def state(self) -> Float64Array:
-        """See `BaseSimulation`; as `ControlTask.state`."""
         return np.hstack([self._batch.state, self._targets])
 
     def _put(self, state: Float64Array) -> None:
@@ -155,10 +141,7 @@ class RandomStarts:
         while True:
             with self._physics.reset_context():
                 episode.initialize_episode(self._physics)
-            if not self._is_solved():
-                return self._task.state(self._physics.model.ptr, self._physics.data.ptr)
-
-    def _is_solved(self) -> bool:
-        data = self._physics.data.ptr
-        fields = {name: getattr(data, name)[None] for name in self._task.fields}
-        return bool(self._task.success(SimpleNamespace(**fields))[0])
+            data = self._physics.data.ptr
+            fields = {name: getattr(data, name)[None] for name in self._task.fields}
+            if not self._task.success(SimpleNamespace(**fields))[0]:
+                return self._task.state(self._physics.model.ptr, data)

@@ -26,8 +26,9 @@ class LocomotionEnv(EpisodicEnv):
     """A MuJoCo environment of Gymnasium, version 5, with a behavior, and with walls if asked for.
 
     Description:
-        Observations, rewards, ends of episodes, infos and every option are Gymnasium's own, bit for
-        bit, and said in its documentation:
+        Observations (float64), starts, rewards, infos and every option are Gymnasium's own, bit for
+        bit, and said in its documentation. Actions beyond their space act as far as it goes, and
+        cost what they cost.
 
         ===================================== ================== ============ =======
         Id                                    `env_id`           observations actions
@@ -48,21 +49,9 @@ class LocomotionEnv(EpisodicEnv):
 
         `pip install "curiosity-search[locomotion]"` installs what they need.
 
-    Action Space:
-        Gymnasium's own. What is beyond it acts as far as it goes, and costs what it costs.
-
-    Observation Space:
-        Gymnasium's own, float64.
-
     Behavior:
         `info["behavior"]`, of `behavior_space`, see the argument. Coverage counts it in 50 cells a
         dimension (`coverage_grid`).
-
-    Rewards:
-        Gymnasium's own, unless there is a world, see `sparse`.
-
-    Starting State:
-        Gymnasium's own, drawn from `np_random`.
 
     Episode End:
         Terminated where Gymnasium's own is, and at the goal of a world; truncated after `horizon`
@@ -89,15 +78,11 @@ class LocomotionEnv(EpisodicEnv):
         height: Of a frame (pixels).
         env_kwargs: Keywords of Gymnasium's environment, but for `render_mode`; None: none. What is
             wrong with them, Gymnasium says.
-        render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
-            Gymnasium's own window.
+        render_mode: "rgb_array" or None; `gym.make` also takes "human", and opens a window.
 
     Raises:
         ValueError: If an argument is not what it may be.
         gymnasium.error.DependencyNotInstalled: If the extra `locomotion` is not installed.
-
-    Version History:
-        * v0: Initial version.
     """
 
     settings = ("env_id", "task", "behavior", "world", "layout", "env_kwargs", "width", "height")
@@ -116,12 +101,15 @@ class LocomotionEnv(EpisodicEnv):
         render_mode: str | None = None,
     ) -> None:
         check_choice(tuple(TASKS), env_id=env_id)
+        check_choice(BEHAVIORS, behavior=behavior)
+        check_keywords(env_kwargs=env_kwargs)
         check_bool(sparse=sparse)
         if sparse and world is None:
             raise ValueError("`sparse` must be False where there is no `world`, and so no goal.")
         check_at_least_one(horizon=horizon, width=width, height=height)
         assert env_id is not None
-        self.task = _make_task(env_id, behavior, world, env_kwargs)
+        walls = None if world is None else World(world)
+        self.task = _make_task(env_id, env_kwargs, behavior=behavior, world=walls)
         self.layout = None if self.task.world is None else self.task.world.layout
         size = {"width": int(width), "height": int(height)}
         super().__init__(
@@ -134,27 +122,18 @@ class LocomotionEnv(EpisodicEnv):
 
 
 def _make_task(
-    env_id: str,
-    behavior: str,
-    world: MazeLayout | str | os.PathLike[str] | None,
-    env_kwargs: Mapping[str, Any] | None,
+    env_id: str, env_kwargs: Mapping[str, Any] | None, **keywords: Any
 ) -> LocomotionTask:
-    check_choice(BEHAVIORS, behavior=behavior)
-    check_keywords(env_kwargs=env_kwargs)
     import_extra("locomotion", "mujoco", "imageio")
-    walls = None if world is None else World(world)
     # Of Gymnasium's own class: anybody can register another by its id.
     make: Any = load_env_creator(TASKS[env_id].entry_point)
     # Python refuses the second of a keyword.
     with closing(make(render_mode=None, **copy.deepcopy(env_kwargs or {}))) as original:
-        return TASKS[env_id](original, behavior=behavior, world=walls)
+        return TASKS[env_id](original, **keywords)
 
 
 class LocomotionVectorEnv(EpisodicVectorEnv):
-    """An `EpisodicVectorEnv`; its other arguments are those of `LocomotionEnv`.
-
-    There is no process an env: threads step them all.
-    """
+    """An `EpisodicVectorEnv` of `LocomotionEnv`; threads step them all."""
 
     task: LocomotionTask
     single_class = LocomotionEnv

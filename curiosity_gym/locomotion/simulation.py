@@ -1,12 +1,12 @@
 """n copies of a robot's physics, each advanced by the calls that Gymnasium makes, on threads.
 
-Not by `mujoco.batch`, as the control tasks are: Gymnasium asks for the forces of contacts after the
-last stage of a step (`mj_rnePostConstraint`), which no batch does. It is no faster, either.
+No `mujoco.batch` asks for the forces of contacts (`mj_rnePostConstraint`), as Gymnasium does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -72,7 +72,7 @@ class LocomotionSimulation(MujocoSimulation):
         """See `BaseSimulation`; actions beyond their range cost what they cost."""
         numbers = range(self.n) if ids is None else ids.tolist()
         n_slices = SLICES_PER_THREAD * self._pool.n_threads
-        self._pool.run(self._stepping(numbers, actions), len(numbers), n_slices)
+        self._pool.run(partial(self._advance, numbers, actions), len(numbers), n_slices)
         rows = slice(None) if ids is None or len(ids) == self.n else ids
         fields = self._rows(rows)
         place = self.task.place(fields)
@@ -90,21 +90,16 @@ class LocomotionSimulation(MujocoSimulation):
         self.success[rows] = success = self.task.success(fields)
         return success | (~healthy & self.task.ends_unhealthy)
 
-    def _stepping(self, numbers: Sequence[int], actions: FloatArray) -> Callable[[int, int], None]:
-        """The work of each thread on a part of the simulations."""
+    def _advance(self, numbers: Sequence[int], actions: FloatArray, begin: int, end: int) -> None:
+        """The work of a thread on a part of the simulations."""
         model, frame_skip, mujoco = self.task.model, self.task.frame_skip, self._mujoco
-        needs_forces = self.task.needs_forces
-
-        def advance(begin: int, end: int) -> None:
-            for k in range(begin, end):
-                i = numbers[k]
-                self._controls[i][:] = actions[k]
-                mujoco.mj_step(model, self.data[i], frame_skip)
-                if needs_forces:
-                    mujoco.mj_rnePostConstraint(model, self.data[i])
-                self._copy_fields(i)
-
-        return advance
+        for k in range(begin, end):
+            i = numbers[k]
+            self._controls[i][:] = actions[k]
+            mujoco.mj_step(model, self.data[i], frame_skip)
+            if self.task.needs_forces:
+                mujoco.mj_rnePostConstraint(model, self.data[i])
+            self._copy_fields(i)
 
     def _copy_fields(self, i: int) -> None:
         for array, view in zip(self._fields.values(), self._views[i], strict=True):
@@ -133,11 +128,7 @@ class LocomotionSimulation(MujocoSimulation):
 
     @property
     def state(self) -> Float64Array:
-        """See `BaseSimulation`.
-
-        A state of `mjSTATE_INTEGRATION`, with the solver's warm start; after it, where the velocity
-        is measured from, steps, and steps that each foot touched something.
-        """
+        """See `BaseSimulation`: `mjSTATE_INTEGRATION`, and what derives from earlier steps."""
         kind = self._mujoco.mjtState.mjSTATE_INTEGRATION
         states = np.empty((self.n, self._mujoco.mj_stateSize(self.task.model, kind)))
         for data, row in zip(self.data, states, strict=True):

@@ -9,22 +9,17 @@ from typing import Any
 import numpy as np
 
 from curiosity_gym.built_in import BUILT_IN, resolve_layout
-from curiosity_gym.core import Float64Array, Mask
+from curiosity_gym.core import Float64Array, Mask, norm
 from curiosity_gym.extras import import_extra
 from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout
 
-WALL_HEIGHT = 10.0
-"""Height of the walls that stop a robot: an ant has jumped 4 m high."""
-DRAWN_HEIGHT = 1.0
-"""Height of the walls in pictures."""
-HIDDEN, SHOWN = 3, 0
-"""Groups of geoms that a viewer leaves out, and shows, by default."""
+WALL_HEIGHT = 10.0  # height of the walls that stop a robot: an ant has jumped 4 m high
+DRAWN_HEIGHT = 1.0  # height of the walls in pictures
+HIDDEN, SHOWN = 3, 0  # groups of geoms that a viewer leaves out, and shows, by default
 CAMERA, CAMERA_AXES = (0.0, -5.0, 7.0), (1.0, 0.0, 0.0, 0.0, 0.81, 0.59)
 """The camera of pictures, above a robot at the origin, to see the walls."""
-TOUCHES_ALL, TOUCHES_NONE = -1, 0
-"""Bits of contact, of which robots of one's own may have any."""
-BORDER = 1.0
-"""Thickness of the walls around the world."""
+TOUCHES_ALL, TOUCHES_NONE = -1, 0  # bits of contact, of which robots of one's own may have any
+BORDER = 1.0  # thickness of the walls around the world
 COLOR, GOAL_COLOR = (0.6, 0.45, 0.3, 1.0), (0.2, 0.8, 0.3, 0.6)
 
 _TRAP = np.array([(19.5, 11.5, 1.0, 7.0), (14.5, 17.5, 6.0, 1.0), (14.5, 11.5, 6.0, 1.0)])
@@ -37,7 +32,7 @@ _SMALL_TRAP = np.array([(9.5, 6.0, 0.5, 4.0), (7.0, 9.5, 2.5, 0.5), (7.0, 6.0, 2
 SMALL_TRAP = MazeLayout(
     "small_trap", 20.0, 16.0, start=(4.0, 8.0), goal=(13.0, 8.0), walls=_SMALL_TRAP
 )
-"""The same for a humanoid, whose steps take a third of the time of an ant's: at half the size."""
+"""The same at half the size for a humanoid, whose steps take a third of the time of an ant's."""
 _MAZE = np.array([(12.0, 0.0, 0.5, 12.0), (7.5, 6.0, 4.5, 0.5), (7.0, 12.5, 0.5, 9.5)])
 MAZE = MazeLayout("maze", 22.0, 22.0, start=(2.5, 2.5), goal=(19.5, 2.5), walls=_MAZE)
 """QDax's `antmaze` at half its size: a wall between start and goal, and two that lead astray."""
@@ -47,16 +42,7 @@ WORLDS = {layout.name: layout for layout in (TRAP, SMALL_TRAP, MAZE)}
 class World:
     """A layout around a robot, which starts where the robot does: at the origin.
 
-    Args:
-        layout: "trap", "small_trap", "maze", or what `CuriosityMaze-v0` takes for one.
-
-    Attributes:
-        layout: The layout.
-        low: (2,) the least x and y of the world, from the start.
-        high: (2,) the largest.
-
-    Raises:
-        ValueError: If there is no such layout.
+    Its least x and y, from the start, are `low` (2,), and its largest `high`.
     """
 
     def __init__(self, layout: MazeLayout | str | os.PathLike[str]) -> None:
@@ -72,9 +58,7 @@ class World:
 
     def distances(self, positions: Float64Array) -> Float64Array:
         """From the goal, as the crow flies, (k,) of positions (k, 2), in meters."""
-        offsets = positions - self._goal
-        distances: Float64Array = np.sqrt(np.vecdot(offsets, offsets))
-        return distances
+        return norm(positions - self._goal)
 
     def is_at_goal(self, positions: Float64Array) -> Mask:
         """Whether positions (k, 2) are within `GOAL_RADIUS` of the goal."""

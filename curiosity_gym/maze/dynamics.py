@@ -1,7 +1,6 @@
 """The mazes' dynamics: compiled pure functions on arrays, shared by every caller.
 
-The single env, the vector env and the population evaluator all run the functions of this file, so
-that the same actions give the same bits everywhere. Positions and velocities are float64, as one
+So the same actions give the same bits everywhere. Positions and velocities are float64, as one
 rounding of float32 is enough to end up inside a wall; observations are float32.
 
 A robot is a square of half-width `ROBOT_RADIUS`, which is a point among walls grown by that radius:
@@ -19,20 +18,17 @@ import numpy.typing as npt
 from curiosity_gym.compiled import compiled
 from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout
 
-DT = 0.1
-"""Duration of a step (seconds)."""
+DT = 0.1  # duration of a step (seconds)
 
 MARGIN = 1e-3
 """The robot stops this far from a grown wall: exactly on it, one rounding would let it through."""
 
-MAX_CONTACTS = 4
-"""Contacts resolved in one step; what is left of the step after them is not moved."""
+MAX_CONTACTS = 4  # contacts resolved in one step; what is left of the step after them is not moved
 
 START_DRAWS, DRAWS_AT_ONCE = 100, 100
 """Tries to draw a start, each of so many places, before it is the layout's own."""
 
-N_BASE_FEATURES = 4
-"""Observation entries before the beams: position and velocity."""
+N_BASE_FEATURES = 4  # observation entries before the beams: position and velocity
 
 _CELL = 5.0
 _MAX_CELLS = 64
@@ -66,8 +62,6 @@ class Maze(NamedTuple):
     inverse_y: npt.NDArray[np.float32]
     start: FloatArray
     """(4,): x, y, vx, vy at the start of an episode, if it is not drawn."""
-    start_radius: float
-    """Distance from there within which episodes begin."""
     width: float
     height: float
     goal_x: float
@@ -76,6 +70,8 @@ class Maze(NamedTuple):
     max_speed: float
     max_acceleration: float
     restitution: float
+    start_radius: float = 0.0
+    """Distance from `start` within which episodes begin."""
 
 
 def same_maze(one: Maze, other: Maze) -> bool:
@@ -84,18 +80,8 @@ def same_maze(one: Maze, other: Maze) -> bool:
     return all(np.array_equal(*pair) for pair in pairs)
 
 
-def build_maze(
-    layout: MazeLayout,
-    *,
-    max_speed: float,
-    max_acceleration: float,
-    n_beams: int,
-    lidar_range: float,
-    restitution: float,
-    goal_radius: float,
-    start_radius: float = 0.0,
-) -> Maze:
-    """Lay `layout` out for the compiled functions; `lidar_range` is in maze units."""
+def build_maze(layout: MazeLayout, *, n_beams: int, lidar_range: float, **constants: float) -> Maze:
+    """Lay `layout` out for the compiled functions, with physical constants by name."""
     low, size = layout.walls[:, :2], layout.walls[:, 2:]
     walls = np.concatenate([low, low + size], axis=1)
     grow = ROBOT_RADIUS + MARGIN
@@ -105,7 +91,7 @@ def build_maze(
     n_cells = (math.ceil(layout.width / cell), math.ceil(layout.height / cell))
     near_start, near_walls = _boxes_by_cell(walls, cell, n_cells, lidar_range)
     # A step goes as far along each axis, and may begin a margin inside its box.
-    reach = math.sqrt(2.0) * max_speed * DT + 2.0 * MARGIN
+    reach = math.sqrt(2.0) * constants["max_speed"] * DT + 2.0 * MARGIN
     contact_start, contact_boxes = _boxes_by_cell(boxes, cell, n_cells, reach)
     angles = 2.0 * np.pi * np.arange(n_beams) / n_beams
     return Maze(
@@ -120,15 +106,11 @@ def build_maze(
         inverse_x=_inverse(lidar_range * np.cos(angles)),
         inverse_y=_inverse(lidar_range * np.sin(angles)),
         start=np.array([*layout.start, 0.0, 0.0]),
-        start_radius=start_radius,
-        width=float(layout.width),
-        height=float(layout.height),
-        goal_x=float(layout.goal[0]),
-        goal_y=float(layout.goal[1]),
-        goal_radius=goal_radius,
-        max_speed=max_speed,
-        max_acceleration=max_acceleration,
-        restitution=restitution,
+        width=layout.width,
+        height=layout.height,
+        goal_x=layout.goal[0],
+        goal_y=layout.goal[1],
+        **constants,
     )
 
 
@@ -350,12 +332,6 @@ def is_at_goal(maze: Maze, state: FloatArray) -> bool:
 
 
 @compiled
-def clip_action(action: float) -> float:
-    """One component of an action, clipped to [-1, 1]."""
-    return min(max(action, -1.0), 1.0)
-
-
-@compiled
 def step(
     maze: Maze,
     state: FloatArray,
@@ -367,6 +343,6 @@ def step(
     `state` (4,) and `observation` (4 + n_beams,) are overwritten; `action` (2,) must be finite, and
     is clipped here to [-1, 1].
     """
-    move(maze, state, clip_action(action[0]), clip_action(action[1]))
+    move(maze, state, min(max(action[0], -1.0), 1.0), min(max(action[1], -1.0), 1.0))
     observe(maze, state, observation)
     return is_at_goal(maze, state)

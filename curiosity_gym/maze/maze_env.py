@@ -22,8 +22,7 @@ from curiosity_gym.validation import (
     check_share,
 )
 
-LIDAR_SHARE = 0.2
-"""The lidar's default range as a share of the map's diagonal."""
+LIDAR_SHARE = 0.2  # the lidar's default range as a share of the map's diagonal
 
 
 class MazeEnv(EpisodicEnv):
@@ -31,9 +30,8 @@ class MazeEnv(EpisodicEnv):
 
     Description:
         The environment of "Curiosity creates Diversity in Policy Search" (section 4.1). The robot,
-        a square of half-width 1, accelerates through a world of axis-aligned walls. It never enters
-        a wall, whatever its speed: on contact it stops at the wall and slides along it. Dynamics
-        are deterministic. Lengths are in maze units, times in seconds.
+        a square of half-width 1, accelerates through a world of axis-aligned walls. On contact it
+        stops at the wall and slides along it. Dynamics are deterministic.
 
     Action Space:
         `Box(-1, 1, (2,), float32)`: acceleration along x and y, in units of `max_acceleration`,
@@ -88,14 +86,10 @@ class MazeEnv(EpisodicEnv):
         start_radius: Distance from the layout's start within which each episode begins (maze
             units), drawn from `np_random`: uniform among the places, not yet at the goal, to which
             the robot can go from there on a straight line without touching a wall. 0: at the start.
-        render_mode: "rgb_array" or None. `gym.make` also takes "human", and shows these frames in
-            Gymnasium's own window.
+        render_mode: "rgb_array" or None; `gym.make` also takes "human", and opens a window.
 
     Raises:
         ValueError: If an argument is not what it may be, or the layout is malformed.
-
-    Version History:
-        * v0: Initial version.
     """
 
     simulation: MazeSimulation
@@ -119,20 +113,11 @@ class MazeEnv(EpisodicEnv):
         start_radius: float = 0.0,
         render_mode: str | None = None,
     ) -> None:
-        if layout is None:
-            raise ValueError(
-                "`layout` must be given: a MazeLayout, a built-in name, a .json file or ASCII text."
-            )
         self.layout = layout = resolve_layout(layout)
-        diagonal = math.hypot(layout.width, layout.height)
-        lidar_range = LIDAR_SHARE * diagonal if lidar_range is None else lidar_range
-        positive = {
-            "max_speed": max_speed,
-            "max_acceleration": max_acceleration,
-            "lidar_range": lidar_range,
-            "goal_radius": goal_radius,
-        }
-        check_positive(**positive)
+        if lidar_range is None:
+            lidar_range = LIDAR_SHARE * math.hypot(layout.width, layout.height)
+        check_positive(max_speed=max_speed, max_acceleration=max_acceleration)
+        check_positive(lidar_range=lidar_range, goal_radius=goal_radius)
         check_not_negative(start_radius=start_radius)
         check_share(restitution=restitution)
         check_at_least_one(horizon=horizon, n_beams=n_beams)
@@ -141,17 +126,23 @@ class MazeEnv(EpisodicEnv):
                 f"`goal_radius` must let the robot come near enough, got {goal_radius!r}."
             )
         # One of numpy may have half the precision, in which walls would not be where they are.
-        others = {"restitution": restitution, "start_radius": start_radius}
-        numbers = {name: float(value) for name, value in (positive | others).items()}
-        self.lidar_range = numbers["lidar_range"]
-        n_beams = int(n_beams)
-        self.maze = build_maze(layout, n_beams=n_beams, **numbers)
+        self.lidar_range, n_beams = float(lidar_range), int(n_beams)
+        self.maze = build_maze(
+            layout,
+            n_beams=n_beams,
+            lidar_range=self.lidar_range,
+            max_speed=float(max_speed),
+            max_acceleration=float(max_acceleration),
+            restitution=float(restitution),
+            goal_radius=float(goal_radius),
+            start_radius=float(start_radius),
+        )
         make_viewer = partial(
             MazeViewer,
             layout,
             n_beams=n_beams,
             beam_range=self.lidar_range,
-            goal_radius=numbers["goal_radius"],
+            goal_radius=float(goal_radius),
         )
         super().__init__(
             MazeSimulation(layout, self.maze, self.lidar_range, n_threads=1),
@@ -174,10 +165,7 @@ class MazeEnv(EpisodicEnv):
 
 
 class MazeVectorEnv(EpisodicVectorEnv):
-    """An `EpisodicVectorEnv`; its other arguments are those of `MazeEnv`.
-
-    `reset(options={"state": (x, y, vx, vy)})` starts elsewhere.
-    """
+    """An `EpisodicVectorEnv` of `MazeEnv`, with the same options of a reset."""
 
     layout: MazeLayout
     maze: Maze

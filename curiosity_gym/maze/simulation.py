@@ -53,11 +53,7 @@ def _observe(maze: Maze, ids: Ids, states: Float64Array, observations: Float32Ar
 
 
 class MazeSimulation(BaseSimulation):
-    """n robots in one maze, which `maze` has for the compiled functions.
-
-    Attributes:
-        states: (n, 4) x, y, vx, vy.
-    """
+    """n robots in one maze; `states` (n, 4) are their x, y, vx, vy."""
 
     behavior_names = (
         *("x (maze units)", "y (maze units)"),
@@ -94,7 +90,7 @@ class MazeSimulation(BaseSimulation):
         return MazeSimulation(self.layout, self.maze, self.lidar_range, n, n_threads)
 
     def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
-        """See `BaseSimulation`; the options may hold a `state` to begin at, x, y, vx, vy."""
+        """See `BaseSimulation`; the option `state` (4,) is where to begin."""
         ids = self._all if ids is None else ids
         self.states[ids] = self._start(rngs, options)
         self.success[ids] = False
@@ -104,28 +100,26 @@ class MazeSimulation(BaseSimulation):
         if not options or options.get("state") is None:
             return np.array([draw_start(self.maze, rng) for rng in rngs] or self.maze.start)
         state = np.array(options["state"], dtype=np.float64)
-        if state.shape != (4,) or not (np.abs(state[2:]) <= self.maze.max_speed).all():
+        is_slow = state.shape == (4,) and (np.abs(state[2:]) <= self.maze.max_speed).all()
+        if not is_slow or not are_free(self.layout, state[None, :2], NEAREST).all():
             raise ValueError(
-                '`options["state"]` must be x, y, vx, vy, of at most '
-                f"{self.maze.max_speed:g} per axis, got {state}."
-            )
-        if not are_free(self.layout, state[None, :2], NEAREST).all():
-            raise ValueError(
-                f'`options["state"]` must leave the robot {ROBOT_RADIUS:g} from walls and border, '
-                f"got {state}."
+                '`options["state"]` must be x, y, vx, vy, with speeds of at most '
+                f"{self.maze.max_speed:g} and {ROBOT_RADIUS:g} from walls and border, got {state}."
             )
         return state
 
     def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
         rows = self._all if ids is None else ids
         arrays = (rows, self.states, actions, self.observations, self.success)
+
+        def run(begin: int, end: int) -> None:
+            _step_slice(self.maze, begin, end, *arrays)
+
         n_slices = min(self._pool.n_threads, len(rows) // ENVS_PER_THREAD)
         if n_slices < 2:
-            _step_slice(self.maze, 0, len(rows), *arrays)
+            run(0, len(rows))
         else:
-            self._pool.run(
-                lambda begin, end: _step_slice(self.maze, begin, end, *arrays), len(rows), n_slices
-            )
+            self._pool.run(run, len(rows), n_slices)
         return self.success.copy() if ids is None else self.success[ids]
 
     @property
@@ -149,5 +143,4 @@ class MazeSimulation(BaseSimulation):
 
     def draw(self, viewer: Any, index: int) -> Frame:
         beams = self.observations[index, N_BASE_FEATURES:] * self.lidar_range
-        frame: Frame = viewer.draw(self.states[index], beams)
-        return frame
+        return viewer.draw(self.states[index], beams)

@@ -28,12 +28,8 @@ _VELOCITY_TIME = 0.5
 class MazeViewer:
     """Draws the maze, the robot, its velocity and its beams, with y up.
 
-    Args:
-        layout: The maze.
-        n_beams: Number of beams; beam i points to the angle `2 * pi * i / n_beams`.
-        beam_range: Length (maze units) at which beams are cut; shorter ones end in a dot.
-        goal_radius: Radius (maze units) of the area around the goal.
-        size: Longer side of a frame (pixels); both sides are even, as video codecs require.
+    A beam shorter than `beam_range` ends in a dot. The longer side of a frame has `size` pixels,
+    and both are even, as video codecs require.
     """
 
     def __init__(
@@ -55,15 +51,7 @@ class MazeViewer:
         self._background = self._draw_background(layout, goal_radius)
 
     def draw(self, state: Sequence[float] | FloatArray, beams: FloatArray) -> Frame:
-        """Draw one frame.
-
-        Args:
-            state: (4,) x, y, vx, vy of the robot.
-            beams: (n_beams,) distances (maze units) to what each beam hits.
-
-        Returns:
-            (height, width, 3) RGB, a new array.
-        """
+        """A frame (height, width, 3) of a state (4,) and the lengths of beams (n_beams,)."""
         image = self._background.copy()
         canvas = ImageDraw.Draw(image)
         position, velocity = np.array(state, dtype=np.float64).reshape(2, 2)

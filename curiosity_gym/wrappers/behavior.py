@@ -24,12 +24,10 @@ their episodes. A `BehaviorAccumulator` remembers for each environment apart.
 
 @runtime_checkable
 class BehaviorAccumulator(Protocol):
-    """A behavior that is gathered over an episode, such as a mean.
+    """A behavior that is gathered over an episode, such as a mean; attributes keep it.
 
-    Every environment works on a copy of its own, made by `copy.deepcopy` when it is wrapped, and
-    copied with it from then on. What an episode adds up is to be kept in attributes.
-
-    `env` is the wrapped environment; `observation` and `info` are what its method returned.
+    Every environment works on a copy, made by `copy.deepcopy` when it is wrapped, and copied with
+    it. `env` is the wrapped environment; `observation` and `info` are what its method returned.
     """
 
     def reset(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
@@ -46,31 +44,16 @@ Behavior: TypeAlias = BehaviorFunction | BehaviorAccumulator
 """Either form of a behavior, as the wrappers take it."""
 
 
-class _LastStep:
-    """A function of the last step, as an accumulator."""
-
-    def __init__(self, function: BehaviorFunction) -> None:
-        self._function = function
-        self._behavior: npt.ArrayLike = ()
-
-    def reset(self, env: gym.Env[Any, Any], observation: Any, info: dict[str, Any]) -> None:
-        self._behavior = self._function(env, observation, info)
-
-    step = reset
-
-    def result(self) -> npt.ArrayLike:
-        return self._behavior
-
-
-def _own_accumulator(behavior: Behavior) -> BehaviorAccumulator:
-    if isinstance(behavior, BehaviorAccumulator) and not isinstance(behavior, type):
-        return copy.deepcopy(behavior)
-    if not callable(behavior) or isinstance(behavior, type):
+def _own(behavior: Behavior) -> Behavior:
+    """A copy of an accumulator, or the function itself."""
+    if isinstance(behavior, type) or not (
+        callable(behavior) or isinstance(behavior, BehaviorAccumulator)
+    ):
         raise ValueError(
             "`behavior` must be a function, or an object with `reset`, `step` and `result`, "
             f"got {behavior!r}."
         )
-    return _LastStep(behavior)
+    return copy.deepcopy(behavior) if isinstance(behavior, BehaviorAccumulator) else behavior
 
 
 def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
@@ -85,8 +68,7 @@ def _checked_space(space: spaces.Space[Any]) -> spaces.Box[np.float64]:
 class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """Adds `behavior_space` and, at each reset and step, `info["behavior"]` to an environment.
 
-    Algorithms that look for diversity compare episodes by their last behavior, and count which part
-    of `behavior_space` the behaviors cover.
+    Searches for diversity compare episodes by their last behavior.
 
     Args:
         env: The environment.
@@ -112,7 +94,8 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         )
         gym.Wrapper.__init__(self, env)
         self.behavior_space = _checked_space(behavior_space)
-        self._accumulator = _own_accumulator(behavior)
+        self._behavior: Any = _own(behavior)
+        self._gathers = isinstance(behavior, BehaviorAccumulator)
         # Both hide those of `env`, which are of another behavior.
         n, names = self.behavior_space.shape[0], behavior_names
         self.behavior_names = None if names is None else entry_names(names, n)
@@ -122,17 +105,18 @@ class BehaviorWrapper(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         observation, info = self.env.reset(seed=seed, options=options)
-        self._accumulator.reset(self.env, observation, info)
-        return observation, {**info, "behavior": self._behavior()}
+        return observation, {**info, "behavior": self._describe("reset", observation, info)}
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        self._accumulator.step(self.env, observation, info)
-        return observation, reward, terminated, truncated, {**info, "behavior": self._behavior()}
+        observation, reward, *ends, info = self.env.step(action)
+        behavior = self._describe("step", observation, info)
+        return observation, reward, *ends, {**info, "behavior": behavior}
 
-    def _behavior(self) -> Float64Array:
+    def _describe(self, event: str, observation: Any, info: dict[str, Any]) -> Float64Array:
         """A new array: environments may write into the same one at every step."""
-        behavior = np.array(self._accumulator.result(), dtype=np.float64)
+        ask = getattr(self._behavior, event) if self._gathers else self._behavior
+        result = ask(self.env, observation, info)
+        behavior = np.array(self._behavior.result() if self._gathers else result, dtype=np.float64)
         shape = self.behavior_space.shape
         if behavior.shape != shape or not np.isfinite(behavior).all():
             raise ValueError(

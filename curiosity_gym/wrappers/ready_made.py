@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 
 from curiosity_gym.core import Float64Array, SimulationError
@@ -22,34 +20,33 @@ from curiosity_gym.wrappers.sparse import Observation, SparseRewardWrapper, Succ
 BareEnv = gym.Env[Any, Any]
 
 
-@dataclass(frozen=True)
-class SparseTask:
-    """A task of another package and how `SparseRewardWrapper` makes it sparse."""
+class SparseTask(NamedTuple):
+    """A task of another package and how `SparseRewardWrapper` makes it sparse.
+
+    `make` makes the original of an id, without a limit on steps; `horizon` is that of the original;
+    each reset has the `options`, unless the user gives others.
+    """
 
     make: Callable[..., BareEnv]
-    """Makes the original environment of an id, without a limit of its own on steps."""
     success: Success
     behavior: BehaviorFunction
     behavior_space: Callable[[BareEnv], spaces.Box]
     behavior_names: tuple[str, ...]
     horizon: int
-    """The limit on steps that the original comes with."""
-    options: dict[str, Any] = field(default_factory=dict)
-    """Options of every reset of the original, unless the user gives others."""
+    options: dict[str, Any]
 
 
-class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
+class SparseEnv(gym.Env[Observation, Any]):
     """A task of another package with a sparse reward and a behavior.
 
     Description:
-        The environment in `env`, a `SparseRewardWrapper`, whose documentation says what the
-        spaces, the reward and the end of an episode are.
+        The environment in `env`, a `SparseRewardWrapper`, which says what the spaces, the reward
+        and the end of an episode are.
 
     Starting State:
-        That of the original environment. In the mazes start and goal, which the original draws from
-        all cells and often side by side, are in the two cells farthest from each other, somewhere
-        within them, unless `env_kwargs` have a `maze_map`; `reset(options={"reset_cell": (i, j),
-        "goal_cell": (i, j)})` sets others, and None instead of a cell draws one.
+        That of the original environment. In the mazes start and goal are in the two cells farthest
+        from each other, unless `env_kwargs` have a `maze_map`. The options `reset_cell` and
+        `goal_cell` of `reset` set others, (i, j); None draws one.
 
     Args:
         env_id: The original environment, a key of `TASKS`. The ids give it.
@@ -59,13 +56,9 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         env_kwargs: Keywords of the original environment, given to its `gymnasium.make`; None: none.
 
     Raises:
-        ValueError: If `env_id` is not in the table, `horizon` is not at least 1, or `env_kwargs` is
-            no dictionary.
+        ValueError: If `env_id`, `horizon` or `env_kwargs` is not what it may be.
         TypeError: If `env_kwargs` say how many steps there are or how to render.
         gymnasium.error.DependencyNotInstalled: If the extra that the task needs is missing.
-
-    Version History:
-        * v0: Initial version.
     """
 
     # No wrapper, as Stable-Baselines3 refuses what holds a goal environment's `compute_reward`.
@@ -85,19 +78,12 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         task = TASKS[env_id]
         # Python refuses the second of a keyword: a limit on steps would be lost.
         original = task.make(env_id, render_mode=render_mode, max_episode_steps=None, **env_kwargs)
-        self.env = SparseRewardWrapper(
-            original,
-            task.success,
-            horizon=task.horizon if horizon is None else horizon,
-            behavior=task.behavior,
-            behavior_space=task.behavior_space(original),
-            behavior_names=task.behavior_names,
-        )
+        horizon = task.horizon if horizon is None else horizon
+        behavior = task.behavior, task.behavior_space(original), task.behavior_names
+        self.env = SparseRewardWrapper(original, task.success, horizon, *behavior)
         self.metadata = {**original.metadata, **self.metadata}
-        self.observation_space = self.env.observation_space
-        self.action_space = self.env.action_space
-        self.behavior_space = self.env.behavior_space
-        self.behavior_names = self.env.behavior_names
+        for name in ("observation_space", "action_space", "behavior_space", "behavior_names"):
+            setattr(self, name, getattr(self.env, name))
         self.render_mode = render_mode
         self._options = {} if "maze_map" in env_kwargs else task.options
 
@@ -113,9 +99,7 @@ class SparseEnv(gym.Env[Observation, npt.NDArray[np.float32]]):
         super().reset(seed=seed)
         return self.env.reset(seed=seed, options={**self._options, **(options or {})})
 
-    def step(
-        self, action: npt.NDArray[np.float32]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """See `SparseRewardWrapper`; errors of the physics are those of the original."""
         return self.env.step(action)
 
@@ -134,11 +118,7 @@ class _StableMaze(gym.Wrapper[Any, Any, Any, Any]):
         counts = self.unwrapped.data.warning.number  # type: ignore[attr-defined]
         if np.count_nonzero(counts):
             (mujoco,) = import_extra("robotics", "mujoco")
-            name = mujoco.mjtWarning(int(counts.argmax())).name.removeprefix("mjWARN_")
-            raise SimulationError(
-                f"MuJoCo warned of {name} and may have reset the simulation: the episode cannot go "
-                "on, reset the environment."
-            )
+            raise SimulationError.of(mujoco.mjtWarning(int(counts.argmax())))
         return result
 
 
@@ -165,7 +145,7 @@ def _is_rewarded(env: BareEnv, observation: Any, reward: Any, info: dict[str, An
 
 def _maze_position(env: BareEnv, observation: Any, info: dict[str, Any]) -> Float64Array:
     """The agent's x and y (m)."""
-    return observation["achieved_goal"]  # type: ignore[no-any-return]
+    return observation["achieved_goal"]
 
 
 def _maze_bounds(env: BareEnv) -> spaces.Box:
@@ -184,7 +164,7 @@ def _cart_and_pole(env: BareEnv, observation: Any, info: dict[str, Any]) -> Floa
 def _arm_angles(env: BareEnv, observation: Any, info: dict[str, Any]) -> Float64Array:
     """The upper and the lower arm's angles from upright (rad)."""
     sines, cosines = observation["orientations"].reshape(2, 2)
-    return np.arctan2(sines, cosines)  # type: ignore[no-any-return]
+    return np.arctan2(sines, cosines)
 
 
 def _within(high: tuple[float, ...], env: BareEnv) -> spaces.Box:
@@ -193,15 +173,15 @@ def _within(high: tuple[float, ...], env: BareEnv) -> spaces.Box:
 
 def _maze(horizon: int, start: tuple[int, int], goal: tuple[int, int]) -> SparseTask:
     """A maze with start and goal in cells, row and column."""
-    names, options = ("x (m)", "y (m)"), {"reset_cell": start, "goal_cell": goal}
-    behavior = _maze_position, _maze_bounds, names
-    return SparseTask(_make_robotics, _is_at_goal, *behavior, horizon, options)
+    behavior = _maze_position, _maze_bounds, ("x (m)", "y (m)")
+    cells = {"reset_cell": start, "goal_cell": goal}
+    return SparseTask(_make_robotics, _is_at_goal, *behavior, horizon, cells)
 
 
-def _swing_up(behavior: BehaviorFunction, high: float, names: tuple[str, str]) -> SparseTask:
+def _swing_up(behavior: BehaviorFunction, high: float, *names: str) -> SparseTask:
     """A task of the suite, with a bound of its first value; the second is an angle."""
     bounds = partial(_within, (high, math.pi))
-    return SparseTask(_make_control, _is_rewarded, behavior, bounds, names, horizon=1000)
+    return SparseTask(_make_control, _is_rewarded, behavior, bounds, names, 1000, {})
 
 
 TASKS = {
@@ -209,10 +189,10 @@ TASKS = {
     "PointMaze_Large-v3": _maze(800, start=(7, 1), goal=(7, 10)),
     "AntMaze_UMaze-v5": _maze(700, start=(1, 1), goal=(3, 1)),
     "dm_control/cartpole-swingup_sparse-v0": _swing_up(
-        _cart_and_pole, 2.0, ("cart position (m)", "pole angle (rad)")
+        _cart_and_pole, 2.0, "cart position (m)", "pole angle (rad)"
     ),
     "dm_control/acrobot-swingup_sparse-v0": _swing_up(
-        _arm_angles, math.pi, ("upper arm angle (rad)", "lower arm angle (rad)")
+        _arm_angles, math.pi, "upper arm angle (rad)", "lower arm angle (rad)"
     ),
 }
 """Every task that `SparseEnv` makes, by the id of its original."""

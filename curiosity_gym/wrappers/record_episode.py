@@ -11,8 +11,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-LONGEST = 100_000
-"""Steps of an episode that are recorded; of a longer one no more memory is taken."""
+LONGEST = 100_000  # steps of an episode that are recorded; of a longer one no more memory is taken
 
 
 class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
@@ -20,7 +19,6 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
 
     An episode is the state of the environment's generator before the reset, and the actions since.
     An environment that draws from `np_random` alone comes to the same step by them, bit for bit.
-    Runs of `curiosity train` record their episodes.
 
     Args:
         env: The environment in all of its other wrappers, a Monitor among them.
@@ -66,8 +64,9 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         if self._start is None or len(self._actions) > LONGEST or self.action_space.shape is None:
             return None
         shape = (len(self._actions), *self.action_space.shape)
-        start = {"start": self._start, "options": self._options}
-        return {**start, "actions": np.array(self._actions).reshape(shape), "digest": self._digest}
+        actions = np.array(self._actions).reshape(shape)
+        episode = {"start": self._start, "options": self._options, "actions": actions}
+        return {**episode, "digest": self._digest}
 
     def last_episode(self) -> dict[str, Any] | None:
         """The start, the options and the actions of the episode before the open one, if any.
@@ -80,10 +79,7 @@ class RecordEpisode(gym.Wrapper[Any, Any, Any, Any]):
         return {**last, "actions": np.array(last["actions"])}
 
     def load_episode_state(self, state: Mapping[str, Any]) -> bool:
-        """Go on with the episode that `episode_state` gave, in this environment.
-
-        Args:
-            state: Of an environment that was made as this one.
+        """Go on with the episode of which `episode_state` of an environment like this gave `state`.
 
         Returns:
             Whether observations and rewards are the same. If they are not, the environment draws

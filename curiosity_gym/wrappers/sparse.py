@@ -59,16 +59,12 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
             success; all are of the wrapped environment. It must be pure, and a function of a
             module, if the environment shall be pickled.
         horizon: Steps after which an episode is truncated.
-        behavior: `behavior(env, observation, info)`, a pure function that returns an array of B
-            finite numbers, or a `BehaviorAccumulator`; see `BehaviorWrapper`. None: `env` keeps the
-            behavior that it has, if any.
-        behavior_space: A `Box` of shape (B,), the bounds of the behavior, each `low` below its
-            `high`.
-        behavior_names: B names with units, such as "x (m)"; None: the behavior has none.
+        behavior: As in `BehaviorWrapper`; None: `env` keeps the behavior that it has, if any.
+        behavior_space: As there.
+        behavior_names: As there.
 
     Raises:
-        ValueError: If an argument is not what it may be, or if the observations of `env` cannot be
-            flattened.
+        ValueError: If an argument is not what it may be, or observations cannot be flattened.
     """
 
     def __init__(
@@ -80,21 +76,20 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         behavior_space: spaces.Box | None = None,
         behavior_names: Sequence[str] | None = None,
     ) -> None:
-        RecordConstructorArgs.__init__(
-            self,
-            success=success,
-            horizon=horizon,
-            behavior=behavior,
-            behavior_space=behavior_space,
-            behavior_names=behavior_names,
-        )
+        described: dict[str, Any] = {"behavior": behavior, "behavior_space": behavior_space}
+        described["behavior_names"] = behavior_names
+        RecordConstructorArgs.__init__(self, success=success, horizon=horizon, **described)
         gym.Wrapper.__init__(self, env)
         if (behavior is None) != (behavior_space is None) or (behavior is None and behavior_names):
             raise ValueError("`behavior` and `behavior_space` must be given together.")
         if not callable(success):
             raise ValueError(f"`success` must be a function, got {success!r}.")
         check_at_least_one(horizon=horizon)
-        _warn_of_a_limit(env, horizon)
+        if (limit := time_limit(env)) is not None and limit < horizon:
+            gym.logger.warn(
+                f"The TimeLimit of `env` truncates after {limit} steps, before `horizon` = "
+                f"{horizon}: make `env` with `max_episode_steps={horizon}`."
+            )
         self.horizon = int(horizon)
         self.observation_space = _flat_space(env.observation_space)
         self._is_flat = self.observation_space is env.observation_space
@@ -105,9 +100,8 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
         self._played = env
         if behavior is not None and behavior_space is not None:
             self._played = BehaviorWrapper(env, behavior, behavior_space, behavior_names)
-            self.behavior_space = self._played.behavior_space
-            self.behavior_names = self._played.behavior_names
-            self.coverage_grid = None  # as in `BehaviorWrapper`
+            for name in ("behavior_space", "behavior_names", "coverage_grid"):
+                setattr(self, name, getattr(self._played, name))
         self._t = 0
         self._is_running = False
 
@@ -158,18 +152,9 @@ class SparseRewardWrapper(gym.Wrapper[Observation, Any, Any, Any], RecordConstru
 
     def _flatten(self, observation: Any) -> Observation:
         if self._is_flat:
-            return observation  # type: ignore[no-any-return]
+            return observation
         flat = spaces.flatten(self.env.observation_space, observation)
         return np.asarray(flat, dtype=np.float32)
-
-
-def _warn_of_a_limit(env: gym.Env[Any, Any], horizon: int) -> None:
-    limit = time_limit(env)
-    if limit is not None and limit < horizon:
-        gym.logger.warn(
-            f"The TimeLimit of `env` truncates after {limit} steps, before `horizon` = {horizon}: "
-            f"make `env` with `max_episode_steps={horizon}`."
-        )
 
 
 def time_limit(env: gym.Env[Any, Any]) -> int | None:

@@ -45,8 +45,8 @@ class BallInCup(ControlTask):
         ball anywhere from -0.2 to 0.2 in x and from 0.2 to 0.5 in z where it touches nothing.
 
     Success:
-        The ball is inside the cup. From this start it is no feat: random actions of full strength,
-        held for ten steps each, catch it in three episodes of five.
+        The ball is inside the cup. Random actions of full strength, held for ten steps each, catch
+        it in three episodes of five.
 
     Args:
         random_start: As in `ControlTask`.
@@ -56,7 +56,7 @@ class BallInCup(ControlTask):
     n_observations = 8
     n_substeps = 10
     fields = ("qpos", "qvel", "xpos", "site_xpos")
-    start: ClassVar[Mapping[str, float]] = {"ball_x": 0.0, "ball_z": -0.05}
+    start: ClassVar[Mapping[str, float]] = {"ball_z": -0.05}
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {"ball": (0, 1)}
     behavior_names = ("ball x (m)", "ball z (m)", "cup x (m)", "cup z (m)")
     behavior_low = np.array([-1.0, -1.0, -0.5, -0.5])
@@ -75,9 +75,7 @@ class BallInCup(ControlTask):
 
     def success(self, fields: Fields) -> Mask:
         offset = fields.site_xpos[:, self._target, ::2] - fields.xpos[:, self._ball, ::2]
-        inside: Mask = (np.abs(offset) < self._room).all(axis=1)
-        return inside
+        return (np.abs(offset) < self._room).all(axis=1)
 
     def behavior(self, fields: Fields) -> Float64Array:
-        behavior: Float64Array = fields.qpos[:, [2, 3, 0, 1]]
-        return behavior
+        return fields.qpos[:, [2, 3, 0, 1]]

@@ -1,7 +1,7 @@
 """The base of the control tasks: model, start, observation, success and behavior.
 
-A task is written for k simulations at once: it reads their derived fields, arrays with k rows, and
-computes with the operations of dm_control, in their order, so that the bits are the same.
+A task reads the derived fields of k simulations, arrays with k rows, and computes with the
+operations of dm_control, in their order, so that the bits are the same.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from curiosity_gym.validation import check_bool
 if TYPE_CHECKING:
     import mujoco
 
-Fields = Any
-"""Namespace of MuJoCo's fields (`qpos`, `sensordata`, ...), arrays (k, ...)."""
+Fields = Any  # namespace of MuJoCo's fields (`qpos`, `sensordata`, ...), arrays (k, ...)
 
 
 class ControlTask:
@@ -35,7 +34,6 @@ class ControlTask:
         model: The compiled MuJoCo model, the target where the fixed start has it.
         dt: Seconds of a control step.
         draws: Whether episodes begin at random.
-        behavior_low: (B,) lower bounds of the behavior; `behavior_high` has the upper ones.
     """
 
     domain: ClassVar[str]
@@ -52,7 +50,6 @@ class ControlTask:
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     """By name, entries of the behavior that are also counted alone."""
     behavior_names: ClassVar[tuple[str, ...]]
-    """A name for each entry of the behavior, with its unit."""
     behavior_low: Float64Array
     behavior_high: Float64Array
 
@@ -87,8 +84,7 @@ class ControlTask:
 
     def _source(self, suite: Any) -> tuple[str, Mapping[str, bytes]]:
         """XML and assets of the model."""
-        xml, assets = suite.get_model_and_assets()
-        return xml, assets
+        return suite.get_model_and_assets()
 
     def start_state(self, model: mujoco.MjModel) -> Float64Array:
         """The fixed start in the task's own model or dm_control's, at rest, as `state` gives it."""
@@ -100,11 +96,7 @@ class ControlTask:
         return self.state(model, data)
 
     def state(self, model: mujoco.MjModel, data: mujoco.MjData) -> Float64Array:
-        """All that the next step depends on, (S,).
-
-        A state of `mjSTATE_INTEGRATION`, with the solver's warm start; after it, where random
-        starts move the target, the target's position.
-        """
+        """All that the next step depends on, (S,): `mjSTATE_INTEGRATION`, and a moving target."""
         (mujoco,) = import_extra("control", "mujoco")
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(model, kind))
@@ -132,9 +124,3 @@ class ControlTask:
     @abstractmethod
     def behavior(self, fields: Fields) -> Float64Array:
         """The behavior of each simulation, (k, B)."""
-
-
-def norm(vectors: Float64Array) -> Float64Array:
-    """Lengths of the rows: `numpy.linalg.norm` of each, whose dot product `vecdot` calls too."""
-    lengths: Float64Array = np.sqrt(np.vecdot(vectors, vectors))
-    return lengths

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from curiosity_gym.control.tasks.base import ControlTask, Fields, norm
-from curiosity_gym.core import Float32Array, Float64Array, Mask
+from curiosity_gym.control.tasks.base import ControlTask, Fields
+from curiosity_gym.core import Float32Array, Float64Array, Mask, norm
 
 if TYPE_CHECKING:
     import mujoco
@@ -41,8 +41,7 @@ class Finger(ControlTask):
 
     Behavior:
         Angles of the proximal and the distal joint, within their ranges of +-110 degrees, and of
-        the hinge, wrapped to +-pi. The ranges are soft: a joint pushed past its own, by up
-        to 0.4 rad, counts as at its end.
+        the hinge, wrapped to +-pi. A joint pushed past its range counts as at its end.
 
     Starting State:
         At rest: proximal joint and hinge at pi/2, distal joint at 0; the target lies at
@@ -99,7 +98,7 @@ class Finger(ControlTask):
         return self._distance(fields.sensordata) <= 0.0
 
     def behavior(self, fields: Fields) -> Float64Array:
-        behavior: Float64Array = fields.qpos.copy()
+        behavior = fields.qpos.copy()
         behavior[:, 2] = (behavior[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
         return behavior
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from curiosity_gym.control.tasks.base import ControlTask, Fields, norm
-from curiosity_gym.core import Float32Array, Float64Array, Mask
+from curiosity_gym.control.tasks.base import ControlTask, Fields
+from curiosity_gym.core import Float32Array, Float64Array, Mask, norm
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_positive, check_share
 
@@ -58,25 +58,16 @@ class Stacker(ControlTask):
     Args:
         success_threshold: From above 0 to 1.
         random_start: As in `ControlTask`.
-
-    Raises:
-        ValueError: If an argument is not what it may be.
     """
 
     domain = "stacker"
     n_observations = 42
     n_substeps = 10
     fields = ("qpos", "qvel", "xpos", "xquat", "site_xpos", "sensordata")
-    start: ClassVar[Mapping[str, float]] = {
-        "arm_root": np.pi / 2,
-        "box0_x": -0.3,
-        "box0_z": 0.04,
-        "box0_y": 0.0,
-    }
+    start: ClassVar[Mapping[str, float]] = {"arm_root": np.pi / 2, "box0_x": -0.3, "box0_z": 0.04}
     target = "body"
     behavior_names = ("hand x (m)", "hand z (m)")
-    behavior_low = np.array([-1.0, -1.0])
-    behavior_high = np.array([1.0, 1.0])
+    behavior_low, behavior_high = np.full(2, -1.0), np.full(2, 1.0)
 
     JOINTS = (
         *("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist"),
@@ -96,8 +87,7 @@ class Stacker(ControlTask):
         return super().__eq__(other) and own == getattr(other, "success_threshold", None)
 
     def _source(self, suite: Any) -> tuple[str, Mapping[str, bytes]]:
-        xml, assets = suite.make_model(1)
-        return xml, assets
+        return suite.make_model(1)
 
     def _prepare(self, model: mujoco.MjModel) -> None:
         model.body("target").pos[:] = (0.0, 0.0, 0.07)
@@ -135,12 +125,10 @@ class Stacker(ControlTask):
         hand = norm(sites[:, self._sites["grasp"]] - target)
         box_is_close = self._tolerance(box, margin=2 * self._box_size)
         hand_is_far = self._tolerance(hand, bounds=(0.1, np.inf), margin=0.01)
-        reward: Float64Array = box_is_close * hand_is_far
-        return reward
+        return box_is_close * hand_is_far
 
     def success(self, fields: Fields) -> Mask:
         return self.reward(fields) >= self.success_threshold
 
     def behavior(self, fields: Fields) -> Float64Array:
-        behavior: Float64Array = fields.xpos[:, self._hand, ::2].copy()
-        return behavior
+        return fields.xpos[:, self._hand, ::2].copy()

@@ -13,12 +13,7 @@ from curiosity_gym.simulation import Values
 
 
 class Ant(LocomotionTask):
-    """Gymnasium's `Ant-v5`, whose documentation says what is observed and rewarded.
-
-    Behavior:
-        "position": x and y of the torso (m), within +-30. "feet": of the four feet, in the order
-        of their names in Gymnasium: front left, front right, back left, back right.
-    """
+    """Gymnasium's `Ant-v5`."""
 
     env_id = "Ant-v5"
     entry_point = "gymnasium.envs.mujoco.ant_v5:AntEnv"
@@ -42,15 +37,13 @@ class Ant(LocomotionTask):
         self._torso = env.data.body(env._main_body).id
 
     def place(self, fields: Fields) -> Float64Array:
-        place: Float64Array = fields.xpos[:, self._torso, :2].copy()
-        return place
+        return fields.xpos[:, self._torso, :2].copy()
 
     def healthy(self, fields: Fields) -> Mask:
         low, high = self.healthy_z_range
         z = fields.qpos[:, 2]
         is_finite = np.isfinite(fields.qpos).all(axis=1) & np.isfinite(fields.qvel).all(axis=1)
-        healthy: Mask = is_finite & (low <= z) & (z <= high)
-        return healthy
+        return is_finite & (low <= z) & (z <= high)
 
     def feel(self, fields: Fields) -> Float64Array:
         parts = [self.positions(fields), fields.qvel]
@@ -59,8 +52,7 @@ class Ant(LocomotionTask):
         return np.concatenate(parts, axis=1)
 
     def _contact_forces(self, fields: Fields) -> Float64Array:
-        forces: Float64Array = np.clip(fields.cfrc_ext, *self.contact_force_range)
-        return forces
+        return np.clip(fields.cfrc_ext, *self.contact_force_range)
 
     def costs(self, fields: Fields, actions: Float32Array) -> Values:
         forces = flat(self._contact_forces(fields))

@@ -1,7 +1,7 @@
 """The base of the locomotion tasks: options, starts, observation, reward and behavior.
 
-A task is written for k simulations at once: it reads their fields, arrays with k rows, and computes
-with the operations of Gymnasium's environment, in their order, so that the bits are the same.
+A task reads the fields of k simulations, arrays with k rows, and computes with the operations of
+Gymnasium's environment, in their order, so that the bits are the same.
 """
 
 from __future__ import annotations
@@ -18,14 +18,12 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask
+from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, Mask, norm
 from curiosity_gym.extras import import_extra
 from curiosity_gym.locomotion.worlds import World
 from curiosity_gym.simulation import Values
-from curiosity_gym.validation import check_choice
 
-Fields = Any
-"""Namespace of MuJoCo's fields (`qpos`, `cfrc_ext`, ...), arrays (k, ...)."""
+Fields = Any  # namespace of MuJoCo's fields (`qpos`, `cfrc_ext`, ...), arrays (k, ...)
 
 BEHAVIORS = ("position", "feet")
 EXTENT = 30.0
@@ -34,8 +32,6 @@ EXTENT = 30.0
 
 class LocomotionTask:
     """One of Gymnasium's MuJoCo environments, version 5, with its options.
-
-    What several of them have in common is written here.
 
     Args:
         env: Gymnasium's environment: its model and options are taken over.
@@ -46,12 +42,9 @@ class LocomotionTask:
         model: The compiled MuJoCo model.
         frame_skip: Physics steps in a step, which lasts `dt` seconds.
         needs_forces: Whether anything asks for the forces from outside, which cost extra.
-        behavior_names: (B,) as in `MujocoSimulation`, like `behavior_low`, `behavior_high` and
-            `coverage_grid`; None: there is no behavior.
 
     Raises:
-        ValueError: If `behavior` is none of them, or the robot has no feet or cannot turn in a
-            world.
+        ValueError: If the robot has no such behavior, or cannot turn in a world.
     """
 
     env_id: ClassVar[str]
@@ -83,8 +76,6 @@ class LocomotionTask:
         behavior: str | None = "position",
         world: World | None = None,
     ) -> None:
-        if behavior is not None:
-            check_choice(BEHAVIORS, behavior=behavior)
         inner: Any = env.unwrapped
         # Arguments of Gymnasium's constructor that say how it computes become attributes.
         arguments = inspect.signature(type(inner).__init__).parameters
@@ -106,7 +97,10 @@ class LocomotionTask:
         self.n_observations: int = n
         self.action_space = inner.action_space
         self._start = np.append(inner.init_qpos, inner.init_qvel)
-        self.foot_bodies = self._foot_bodies() if behavior == "feet" else []
+        if behavior == "feet" and not self.feet:
+            raise ValueError(f'`behavior` must be "position" of {self.env_id}, which has no feet.')
+        feet = self.feet if behavior == "feet" else ()
+        self.foot_bodies = [int(self.model.geom(name).bodyid[0]) for name in feet]
         self.needs_forces = "cfrc_ext" in self.fields or behavior == "feet"
         self._prepare(inner)
         self._bound_behavior()
@@ -120,14 +114,8 @@ class LocomotionTask:
         elif self.world is not None:
             low, high = self.world.low[:n], self.world.high[:n]
         self.behavior_names, self.behavior_low, self.behavior_high = names, low, high
-        self.coverage_grid: CoverageGrid | None = None
-        if self.behavior_name is not None:
-            self.coverage_grid = CoverageGrid(tuple(range(n)), low, high)
-
-    def _foot_bodies(self) -> list[int]:
-        if not self.feet:
-            raise ValueError(f'`behavior` must be "position" of {self.env_id}, which has no feet.')
-        return [int(self.model.geom(name).bodyid[0]) for name in self.feet]
+        has_behavior = self.behavior_name is not None
+        self.coverage_grid = CoverageGrid(tuple(range(n)), low, high) if has_behavior else None
 
     def __eq__(self, other: object) -> bool:
         """Equal tasks begin, move, observe and reward alike."""
@@ -164,13 +152,11 @@ class LocomotionTask:
 
     def touches(self, fields: Fields) -> Mask:
         """Whether a force from outside acts on each foot, (k, F)."""
-        touched: Mask = (fields.cfrc_ext[:, self.foot_bodies] != 0.0).any(axis=2)
-        return touched
+        return (fields.cfrc_ext[:, self.foot_bodies] != 0.0).any(axis=2)
 
     def place(self, fields: Fields) -> Float64Array:
         """The places whose change is the velocity, (k, d)."""
-        place: Float64Array = fields.qpos[:, : self.n_dimensions].copy()
-        return place
+        return fields.qpos[:, : self.n_dimensions].copy()
 
     def healthy(self, fields: Fields) -> Mask:
         """Whether each simulation may go on, (k,)."""
@@ -185,8 +171,7 @@ class LocomotionTask:
     def speed(self, before: Float64Array, after: Float64Array) -> Float64Array:
         """The rewarded speed, (k,) m/s, of places (k, d): along x, or towards the world's goal."""
         if self.world is None:
-            speed: Float64Array = (after[:, 0] - before[:, 0]) / self.dt
-            return speed
+            return (after[:, 0] - before[:, 0]) / self.dt
         return (self.world.distances(before) - self.world.distances(after)) / self.dt
 
     def observe(self, fields: Fields) -> Float64Array:
@@ -220,14 +205,12 @@ class LocomotionTask:
         """Entries of the info at any time."""
         position = fields.qpos[:, :2].copy()
         x, y = position.T
-        distance = np.sqrt(np.vecdot(position, position))
-        return {"x_position": x, "y_position": y, "distance_from_origin": distance}
+        return {"x_position": x, "y_position": y, "distance_from_origin": norm(position)}
 
     def positions(self, fields: Fields) -> Float64Array:
         """The first entries of an observation."""
         skipped = self.n_dimensions * self.exclude_current_positions_from_observation
-        positions: Float64Array = fields.qpos[:, skipped:]
-        return positions
+        return fields.qpos[:, skipped:]
 
 
 def flat(array: Float64Array) -> Float64Array:

@@ -13,12 +13,7 @@ from curiosity_gym.simulation import Values
 
 
 class Humanoid(LocomotionTask):
-    """Gymnasium's `Humanoid-v5`, whose documentation says what is observed and rewarded.
-
-    Behavior:
-        "position": x and y of the torso (m), within +-30. "feet": of the right foot and the left
-        foot.
-    """
+    """Gymnasium's `Humanoid-v5`."""
 
     env_id = "Humanoid-v5"
     entry_point = "gymnasium.envs.mujoco.humanoid_v5:HumanoidEnv"

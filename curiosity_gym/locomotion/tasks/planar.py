@@ -13,11 +13,7 @@ from curiosity_gym.simulation import Values
 
 
 class HalfCheetah(LocomotionTask):
-    """Gymnasium's `HalfCheetah-v5`, whose documentation says what is observed and rewarded.
-
-    Behavior:
-        "position": x of the torso (m), within +-30. "feet": of the back foot and the front foot.
-    """
+    """Gymnasium's `HalfCheetah-v5`."""
 
     env_id = "HalfCheetah-v5"
     entry_point = "gymnasium.envs.mujoco.half_cheetah_v5:HalfCheetahEnv"
@@ -30,11 +26,7 @@ class HalfCheetah(LocomotionTask):
 
 
 class Walker2d(LocomotionTask):
-    """Gymnasium's `Walker2d-v5`, whose documentation says what is observed and rewarded.
-
-    Behavior:
-        "position": x of the torso (m), within +-30. "feet": of the right foot and the left foot.
-    """
+    """Gymnasium's `Walker2d-v5`."""
 
     env_id = "Walker2d-v5"
     entry_point = "gymnasium.envs.mujoco.walker2d_v5:Walker2dEnv"
@@ -66,11 +58,7 @@ class Walker2d(LocomotionTask):
 
 
 class Hopper(Walker2d):
-    """Gymnasium's `Hopper-v5`, whose documentation says what is observed and rewarded.
-
-    Behavior:
-        "position": x of the torso (m), within +-30. "feet": of its foot.
-    """
+    """Gymnasium's `Hopper-v5`."""
 
     env_id = "Hopper-v5"
     entry_point = "gymnasium.envs.mujoco.hopper_v5:HopperEnv"
@@ -84,11 +72,7 @@ class Hopper(Walker2d):
 
 
 class Swimmer(LocomotionTask):
-    """Gymnasium's `Swimmer-v5`, whose documentation says what is observed and rewarded.
-
-    Behavior:
-        "position": x and y of the first link (m), within +-30. It has no feet.
-    """
+    """Gymnasium's `Swimmer-v5`."""
 
     env_id = "Swimmer-v5"
     entry_point = "gymnasium.envs.mujoco.swimmer_v5:SwimmerEnv"

@@ -13,7 +13,6 @@ import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from torch.profiler import profile
 
 from benchmarks import (
     baselines,
@@ -21,12 +20,11 @@ from benchmarks import (
     gallery,
     learning,
     pretrained,
-    products,
     roaming,
     run,
 )
 from benchmarks.measure import Row, Table, interleave, number
-from curiosity_algos import CuriosityES, make_evaluator
+from curiosity_algos import make_evaluator
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.registration import SPECS
 
@@ -169,37 +167,6 @@ def test_a_table_gives_shares_of_the_roof_where_there_is_one():
         "| steps | 2.00 | 1.00 to 3.00 | s |  | 37.5 % |",
         "| others | 3.00 | 3.00 to 3.00 | s |  |  |",
     ]
-
-
-@pytest.mark.nightly
-def test_products_are_those_that_torch_counts():
-    model = CuriosityES("CuriosityMaze-US-v0", seed=0)
-    model.learn(1)
-    motivation, bonus = model._motivation, model._motivation.bonus
-    updates = products.products_of_updates(model)
-    batch = motivation.buffer.sample(motivation.batch_size)
-    counted = count_products(lambda: bonus.losses(*batch)["loss"].backward())
-    assert counted * motivation.n_updates == pytest.approx(updates)
-
-    n = model.population_size * motivation.n_states
-    states, actions = np.ones((n + 1, 36), dtype=np.float32), np.ones((n, 2), dtype=np.float32)
-    bonus._compiled = lambda: None  # torch counts its own
-    counted = count_products(lambda: bonus.score_trajectory(states, actions))
-    before = products.products_of_scores(model)
-    model.learn(1, reset_num_timesteps=False)
-    scores = products.products_of_scores(model) - before
-    assert counted == pytest.approx(scores, rel=1e-3)
-
-
-def count_products(task):
-    """Billions of operations in the matrix products of a task, by torch's own count.
-
-    Not by its `FlopCounterMode`, which imports triton: where that is installed, it may crash.
-    """
-    with profile(with_flops=True) as profiled:
-        task()
-    products = ("aten::mm", "aten::addmm", "aten::bmm")
-    return 1e-9 * sum(each.flops for each in profiled.key_averages() if each.key in products)
 
 
 @given(st.floats(1e-3, 1e9))

@@ -85,16 +85,6 @@ def test_runs_of_a_variant_count_instead_of_the_algorithms_own(plan, collected):
     assert theirs.curves(of_states, US, "coverage") == []  # which has the other step
 
 
-def test_what_differs_besides_stays_a_variant():
-    variants = ["", "step=canonical", "phi=0.0", "phi=0.0,step=canonical", "behavior=state"]
-    names = ["NSES"] * 4 + ["NSLC"]
-    runs = pd.DataFrame({"algorithm": names, "variant": variants, "n": range(5)})
-    chosen = paper._with_setting(runs, "step=canonical", {"NSES"})
-    assert chosen["variant"].tolist() == ["", "phi=0.0", "behavior=state"]
-    assert chosen["n"].tolist() == [1, 3, 4]
-    assert paper._with_setting(runs, "", set()).equals(runs)
-
-
 def test_between_two_times_the_mean_of_generations_counts(monkeypatch):
     steps = np.arange(0.0, 1001.0)
     spike = np.zeros(1001)
@@ -157,16 +147,6 @@ def test_runs_of_other_folders_are_added(plan, collected, tmp_path):
         kept = after[~is_new].reset_index(drop=True)
         pd.testing.assert_frame_equal(kept, before, check_dtype=False)
     for name in ("final_states", "projection"):  # which have nothing of it
-        assert (out / f"{name}.csv").read_bytes() == (collected / f"{name}.csv").read_bytes()
-
-
-def test_a_projection_stays_where_some_of_its_runs_are_missing(plan, collected, tmp_path, capsys):
-    out, some = tmp_path / "out", tmp_path / "some"
-    shutil.copytree(collected, out)
-    shutil.copytree(plan.folder / "CMAME", some / "CMAME")
-    paper.collect(some, out=out)
-    assert "projection.csv stays as it is" in capsys.readouterr().out
-    for name in ("projection", "runs"):
         assert (out / f"{name}.csv").read_bytes() == (collected / f"{name}.csv").read_bytes()
 
 
@@ -425,35 +405,6 @@ def test_routes_of_all_policies_are_counted_and_of_many_expected():
     drawn = [len(set(rng.permutation(routes)[: run_numbers.N_POLICIES])) for _ in range(20_000)]
     found = run_numbers.expected_kinds(pd.Series(routes))
     assert found == pytest.approx(np.mean(drawn), abs=0.02)
-
-
-def test_policies_of_runs_are_compared_in_one_projection():
-    rng = np.random.default_rng(0)
-
-    class Policies(Numbers):
-        def table(self, name):
-            return self.runs if name == "runs" else self.projected
-
-    tables = Policies(NSES=[0.1, 0.1, 0.0], NSLC=[0.1] * 3)
-    near = pd.DataFrame(rng.normal(0.0, 0.01, (60, 2)), columns=["x", "y"])
-    wide = pd.DataFrame(rng.uniform(-1.0, 1.0, (60, 2)), columns=["x", "y"])
-    tables.projected = pd.concat(
-        [
-            near.assign(algorithm="NSES", seed=0),
-            wide.assign(algorithm="NSLC", seed=0),
-            wide[:2].assign(algorithm="NSLC", seed=1),
-        ]
-    ).assign(variant="")
-    of_regions = run_numbers._of_policies(run_numbers.regions, tables)
-    assert of_regions["NSES", US, "", 0] <= 4
-    assert of_regions["NSLC", US, "", 0] > 40
-    assert of_regions["NSLC", US, "", 1] == 2
-    assert np.isnan(of_regions["NSES", US, "", 1])  # whose policies are not known
-    assert of_regions["NSES", US, "", 2] == 0  # which found nothing
-    distances = run_numbers.MEASURES["nearest distance"](tables)
-    assert distances["NSES", US, "", 0] < 0.01 < distances["NSLC", US, "", 0]
-    assert np.isnan(distances["NSLC", US, "", 1])  # too few
-    assert np.isnan(distances["NSES", US, "", 2])
 
 
 def test_a_way_is_a_route_however_long_it_takes():

@@ -76,13 +76,9 @@ def described(docstring, headings=HEADINGS):
 def described_with_parents(each):
     """The names that a docstring describes, of a class also those that its parents' do.
 
-    Of a vector environment also those of its single one, which its docstring names; of an algorithm
-    of Stable-Baselines3's also those of that.
+    Of an algorithm of Stable-Baselines3's also those of that.
     """
     classes = list(inspect.getmro(each)) if inspect.isclass(each) else [each]
-    single = getattr(each, "_single_class", None)
-    if single is not None and single.__name__ in inspect.getdoc(each):
-        classes.append(single)
     known = [parent for parent in classes if parent is each or parent in REFERENCE.values()]
     of_sb3 = [parent for parent in classes if parent.__module__.startswith("stable_baselines3")]
     names = re.findall(r":param (\w+):", "".join(inspect.getdoc(parent) or "" for parent in of_sb3))

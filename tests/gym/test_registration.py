@@ -2,11 +2,10 @@ import json
 import re
 
 import gymnasium as gym
-import numpy as np
 import pytest
 from scripts import run_python
 
-from curiosity_gym import MazeLayout, register_envs
+from curiosity_gym import register_envs
 from curiosity_gym.built_in import BUILT_IN
 from curiosity_gym.maze.maze_env import MazeVectorEnv
 from curiosity_gym.registration import SPECS
@@ -93,21 +92,3 @@ def test_importing_the_package_imports_nothing_heavy_and_can_be_repeated():
         f"print(json.dumps([name for name in {HEAVY} if name in sys.modules]))"
     )
     assert json.loads(run_python(code)) == []
-
-
-class TestCustomMaze:
-    @pytest.mark.parametrize("vectorization_mode", [None, "sync"])
-    def test_needs_a_layout(self, vectorization_mode):
-        with pytest.raises(ValueError, match="layout"):
-            gym.make("CuriosityMaze-v0")
-        with pytest.raises(ValueError, match="layout"):
-            gym.make_vec("CuriosityMaze-v0", vectorization_mode=vectorization_mode)
-
-    def test_takes_a_layout_a_path_or_text(self, tmp_path):
-        layout = MazeLayout.from_ascii(TEXT)
-        path = tmp_path / "maze.json"
-        layout.to_json(path)
-        for value in (layout, path, str(path), TEXT):
-            env = gym.make("CuriosityMaze-v0", layout=value)
-            assert env.unwrapped.layout == layout
-            np.testing.assert_array_equal(env.reset()[1]["position"], [15.0, 15.0])

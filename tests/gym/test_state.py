@@ -197,16 +197,12 @@ def test_no_place_that_a_robot_comes_to_is_refused(layout, restitution):
 
 
 HORIZON = 6
-MAZE = {"layout": "hard", "horizon": HORIZON}
-CONTROL = {"task": "finger", "horizon": HORIZON}
-RANDOM_START = {"random_start": True}
-MANY = {"num_envs": 3, "n_threads": 1}
+MANY = {"num_envs": 3, "n_threads": 1, "horizon": HORIZON}
+FINGER = MANY | {"task": "finger"}
 MAKERS = {
-    "mazes": lambda **changes: MazeVectorEnv(**(MAZE | MANY | changes)),
-    "controls": lambda **changes: ControlVectorEnv(**(CONTROL | MANY | changes)),
-    "random controls": lambda **changes: ControlVectorEnv(
-        **(CONTROL | RANDOM_START | MANY | changes)
-    ),
+    "mazes": lambda **changes: MazeVectorEnv(**(MANY | {"layout": "hard"} | changes)),
+    "controls": lambda **changes: ControlVectorEnv(**(FINGER | changes)),
+    "random controls": lambda **changes: ControlVectorEnv(**FINGER, random_start=True, **changes),
 }
 
 

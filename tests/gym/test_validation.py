@@ -1,21 +1,40 @@
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
-from curiosity_gym.validation import (
-    check_at_least_one,
-    check_bool,
-    check_choice,
-    check_keywords,
-    check_not_negative,
-    check_positive,
-    check_seed,
-    check_share,
-    check_whole,
-)
+from curiosity_gym import validation
 
 NO_NUMBERS = [math.nan, "1", None, True, np.ones(1)]
+COUNT = "a whole number of at least 1, at most 1,000,000,000, got"
+
+
+@pytest.mark.parametrize(
+    ("check", "right", "wrong", "message"),
+    [
+        ("at_least_one", [1, np.int64(3)], [0, -1, 1.5, math.inf, 10**18, 10**400], COUNT),
+        (
+            "positive",
+            [1, 1e-9, np.float32(3.0)],
+            [0, -0.1, math.inf, 1e300, 10**400],
+            r"finite and above 0, at most 1e\+12, got",
+        ),
+        (
+            "not_negative",
+            [0, 0.2],
+            [-0.1, math.inf, 1e300],
+            r"finite and at least 0, at most 1e\+12, got",
+        ),
+        ("share", [0, 1], [-0.1, 1.1, math.inf], "from 0 to 1"),
+        (partial(validation.check_whole, 0, 2), [np.int8(0), 2], [-1, 3], "a whole number from"),
+        (partial(validation.check_choice, ("a", "b")), ["b"], ["A", "", 3, ["a"]], "one of a"),
+    ],
+)
+def test_checks_name_the_argument_and_what_it_may_be(check, right, wrong, message):
+    check = getattr(validation, f"check_{check}") if isinstance(check, str) else check
+    check(**{f"other{i}": value for i, value in enumerate(right)})
+    refuse(check, [*wrong, *NO_NUMBERS], message)
 
 
 def refuse(check, values, message, name="size"):
@@ -24,54 +43,12 @@ def refuse(check, values, message, name="size"):
             check(**{name: value})
 
 
-def test_counts_are_whole_numbers_of_at_least_one():
-    check_at_least_one(other=1, size=np.int64(3))
-    what = "a whole number of at least 1, at most 1,000,000,000, got"
-    refuse(check_at_least_one, [0, -1, 1.5, math.inf, 10**18, 10**400, *NO_NUMBERS], what)
-
-
-def test_whole_numbers_are_between_two():
-    check_whole(0, 2, other=np.int8(0), verbose=2)
-    refuse(
-        lambda **values: check_whole(0, 2, **values), [-1, 3, *NO_NUMBERS], "a whole number from"
-    )
-
-
-def test_scales_are_finite_and_positive():
-    check_positive(other=1, sigma=1e-9, size=np.float32(3.0))
-    wrong = [0, -0.1, math.inf, 1e300, 10**400, *NO_NUMBERS]
-    refuse(check_positive, wrong, r"finite and above 0, at most 1e\+12, got")
-
-
-def test_what_is_not_negative_is_finite_and_at_least_zero():
-    check_not_negative(other=0, noise=0.2)
-    wrong = [-0.1, math.inf, 1e300, *NO_NUMBERS]
-    refuse(check_not_negative, wrong, r"finite and at least 0, at most 1e\+12, got")
-
-
-def test_shares_are_from_zero_to_one():
-    check_share(other=0, gamma=1)
-    refuse(check_share, [-0.1, 1.1, math.inf, *NO_NUMBERS], "from 0 to 1")
-
-
-def test_switches_are_true_or_false():
-    check_bool(other=np.True_, random_start=False)
-    refuse(check_bool, [0, 1, "True", None], "True or False")
-
-
-def test_choices_are_named():
-    check_choice(("a", "b"), step="b")
-    refuse(
-        lambda **values: check_choice(("a", "b"), **values), ["A", "", None, 3, ["a"]], "one of a"
-    )
-
-
-def test_keywords_are_dictionaries_of_names():
-    check_keywords(other=None, size={"a": 1})
-    refuse(check_keywords, ["a", [1], {1: 2}, {"a"}], "None or a dictionary of keywords")
-
-
-def test_seeds_are_whole_numbers_of_any_size():
+def test_checks_of_what_is_no_number():
+    validation.check_bool(other=np.True_, random_start=False)
+    refuse(validation.check_bool, [0, 1, "True", None], "True or False")
+    validation.check_keywords(other=None, size={"a": 1})
+    wrong = ["a", [1], {1: 2}, {"a"}]
+    refuse(validation.check_keywords, wrong, "None or a dictionary of keywords")
     for seed in (None, 0, 10**40, np.uint64(2**63)):
-        check_seed(seed)
-    refuse(check_seed, [-1, 0.0, True, "1"], "None or a whole number", "seed")
+        validation.check_seed(seed)
+    refuse(validation.check_seed, [-1, 0.0, True, "1"], "None or a whole number", "seed")

@@ -5,6 +5,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from scripts import run_python
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
+from suite import make_actions, play_reference
 
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.core import SimulationError
@@ -40,7 +41,7 @@ class TestEveryTask:
         assert grid.shape == (50,) * n_behavior
         assert grid.reachable is None
 
-    def test_is_dm_controls_environment_until_solved(self, name, make_actions, play_reference):
+    def test_is_dm_controls_environment_until_solved(self, name):
         env = gym.make(IDS[name])
         actions = make_actions("bang-bang", 1000, SIZES[name][1], seed=1)
         expected, solved = play_reference(name, actions)
@@ -60,7 +61,7 @@ class TestEveryTask:
         )
         assert results[-1] == end
 
-    def test_behaves_within_its_space(self, name, make_actions):
+    def test_behaves_within_its_space(self, name):
         env = gym.make(IDS[name], horizon=200)
         space = env.unwrapped.behavior_space
         info = env.reset()[1]
@@ -113,19 +114,6 @@ class TestExtra:
 
 
 class TestStep:
-    def test_refuses_actions_that_are_not_finite(self, name):
-        for value in [np.nan, np.inf, -np.inf]:
-            env = ControlEnv(name)
-            expected = ControlEnv(name)
-            for each in (env, expected):
-                each.reset()
-            action = np.zeros(SIZES[name][1])
-            action[-1] = value
-            with pytest.raises(ValueError, match=r"`action` must be \d finite numbers"):
-                env.step(action)
-            good = np.zeros(SIZES[name][1])
-            np.testing.assert_array_equal(env.step(good)[0], expected.step(good)[0])
-
     def test_raises_where_the_physics_fail_and_needs_a_reset_then(self):
         env = ControlEnv("ball_in_cup")
         env.reset()

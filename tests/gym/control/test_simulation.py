@@ -1,10 +1,10 @@
-import multiprocessing
 import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from suite import make_actions, make_reference, play_reference
 
 from curiosity_gym.control.simulation import RandomStarts, Simulation
 from curiosity_gym.control.tasks import TASKS
@@ -29,7 +29,7 @@ def play(simulation, actions):
 
 class TestAgainstDmControl:
     @pytest.mark.parametrize("kind", ["uniform", "bang-bang"])
-    def test_every_bit_is_the_same(self, name, kind, make_actions, play_reference):
+    def test_every_bit_is_the_same(self, name, kind):
         task = TASKS[name]()
         actions = np.stack(
             [make_actions(kind, N_STEPS, task.n_actions, seed) for seed in range(3)], axis=1
@@ -42,7 +42,7 @@ class TestAgainstDmControl:
         moved = np.abs(observations[-1] - observations[0]).max(axis=1)
         assert (moved > 0.1).all()
 
-    def test_actions_out_of_range_are_clipped(self, name, make_actions):
+    def test_actions_out_of_range_are_clipped(self, name):
         task = TASKS[name]()
         actions = 3.0 * make_actions("uniform", 50, task.n_actions)[:, None]
         wide, clipped = (
@@ -52,7 +52,7 @@ class TestAgainstDmControl:
 
 
 class TestReset:
-    def test_after_a_wild_episode_gives_the_first_episode_again(self, name, make_actions):
+    def test_after_a_wild_episode_gives_the_first_episode_again(self, name):
         simulation = Simulation(TASKS[name](), 2)
         actions = make_actions("uniform", 100, simulation.task.n_actions)[:, None]
         first = play(simulation, actions)[0]
@@ -60,7 +60,7 @@ class TestReset:
         assert np.abs(simulation._batch.qvel).max() > 0.1
         np.testing.assert_array_equal(play(simulation, actions)[0], first)
 
-    def test_starts_at_rest_without_contact_or_success(self, name, make_reference):
+    def test_starts_at_rest_without_contact_or_success(self, name):
         task = TASKS[name]()
         simulation = Simulation(task, 2)
         simulation.reset()
@@ -97,7 +97,7 @@ class TestRandomStarts:
 
 
 class TestCopies:
-    def test_continue_bit_for_bit_on_their_own(self, name, make_actions, duplicate):
+    def test_continue_bit_for_bit_on_their_own(self, name, duplicate):
         simulation = Simulation(TASKS[name](), 2)
         actions = make_actions("bang-bang", 300, simulation.task.n_actions)[:, None]
         play(simulation, actions)
@@ -109,23 +109,6 @@ class TestCopies:
             np.testing.assert_array_equal(simulation.observations, twin.observations)
         twin.reset()
         assert (simulation.observations != twin.observations).any()
-
-    def test_a_forked_process_goes_on_with_threads_of_its_own(self, name, make_actions):
-        if "fork" not in multiprocessing.get_all_start_methods():
-            pytest.skip("no fork here")
-        simulation = Simulation(TASKS[name](), 8, n_threads=2)
-        actions = make_actions("bang-bang", 40, simulation.task.n_actions)[:, None]
-        play(simulation, actions)
-        context = multiprocessing.get_context("fork")
-        queue = context.Queue()
-        child = context.Process(target=_go_on, args=(simulation, actions, queue), daemon=True)
-        child.start()
-        theirs = queue.get(timeout=60)
-        child.join(60)
-        assert child.exitcode == 0
-        for action in actions:
-            simulation.step(action)
-        np.testing.assert_array_equal(simulation.observations, theirs)
 
 
 FORK = """
@@ -157,9 +140,3 @@ def test_forked_processes_may_forget_what_they_inherited():
     command = [sys.executable, "-W", FORKS, "-c", FORK.format(acts=acts)]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert (ran.stdout.split(), ran.stderr) == (["True", "0"] * len(acts), "")
-
-
-def _go_on(simulation, actions, queue):
-    for action in actions:
-        simulation.step(action)
-    queue.put(simulation.observations)

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
+from suite import play_reference
 
 from curiosity_algos.evaluation.mlp import act, build_mlp
 from curiosity_gym.control.tasks import TASKS
@@ -53,7 +54,7 @@ def test_the_reward_is_reached_once_and_ends_the_episode(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_dm_control_solves_it_in_the_same_step(name, play_reference):
+def test_dm_control_solves_it_in_the_same_step(name):
     _, observations, actions, results = play(name)
     expected, solved = play_reference(NAMES[name], actions)
     np.testing.assert_array_equal(observations, expected)

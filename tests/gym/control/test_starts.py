@@ -1,6 +1,7 @@
 import mujoco
 import numpy as np
 import pytest
+from suite import flat, is_solved, make_actions, make_random_reference
 
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.control.simulation import RandomStarts
@@ -58,9 +59,7 @@ class TestEveryTask:
         assert not drawn["moving"].any()
         assert not solved(name, drawn).any()
 
-    def test_is_dm_controls_start_and_its_episode(
-        self, name, make_random_reference, make_actions, flat, is_solved
-    ):
+    def test_is_dm_controls_start_and_its_episode(self, name):
         env = ControlEnv(name, random_start=True, horizon=300)
         for seed in range(6):
             reference = make_random_reference(name, seed)
@@ -75,7 +74,7 @@ class TestEveryTask:
                 if terminated or truncated:
                     break
 
-    def test_the_next_start_is_dm_controls_next(self, name, make_random_reference, flat):
+    def test_the_next_start_is_dm_controls_next(self, name):
         env, reference = ControlEnv(name, random_start=True), make_random_reference(name, 3)
         env.reset(seed=3)
         reference.reset()
@@ -126,7 +125,7 @@ def test_the_arm_the_box_and_its_target_are_anywhere():
     np.testing.assert_allclose(drawn["body target"][:, 2], 0.022)
 
 
-def test_a_start_that_is_solved_is_drawn_again(make_random_reference, monkeypatch):
+def test_a_start_that_is_solved_is_drawn_again(monkeypatch):
     """Of dm_control's own starts of finger one in thirteen is solved."""
     class_ = type(make_random_reference("finger", 0).task)
     begun = []

@@ -2,44 +2,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from suite import make_actions, make_reference
 
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.control.tasks import TASKS, Stacker
 
 pytestmark = pytest.mark.extra("control")
 
-N_EPISODES = 100
 
-
-def solved_episodes(name, make_actions, kind):
-    """How many episodes of random actions reach the goal."""
-    simulation = Simulation(TASKS[name](), N_EPISODES)
-    simulation.reset()
-    solved = np.zeros(N_EPISODES, dtype=bool)
-    for action in batches(make_actions, kind, simulation.task.n_actions, N_EPISODES):
-        going = np.flatnonzero(~solved)
-        solved[going] = simulation.step(action[going], going)
-    return int(solved.sum())
-
-
-def batches(make_actions, kind, n_actions, n_episodes):
-    """A thousand steps of actions (n_episodes, n_actions), an episode a seed."""
-    episodes = [make_actions(kind, 1000, n_actions, seed) for seed in range(n_episodes)]
-    return np.stack(episodes, axis=1)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", ["ball_in_cup", "finger"])
-def test_independent_random_actions_do_not_solve_it(name, make_actions):
-    assert solved_episodes(name, make_actions, "uniform") <= 1
-
-
-@pytest.mark.nightly
-def test_held_bang_bang_actions_catch_the_ball_in_most_episodes(make_actions):
-    assert 45 <= solved_episodes("ball_in_cup", make_actions, "bang-bang") <= 75
-
-
-def test_the_stacker_s_reward_is_dm_controls_own(make_actions, make_reference):
+def test_the_stacker_s_reward_is_dm_controls_own():
     task, reference = Stacker(), make_reference("stacker")
     simulation = Simulation(task, 1)
     simulation.reset()
@@ -52,7 +23,7 @@ def test_the_stacker_s_reward_is_dm_controls_own(make_actions, make_reference):
     assert max(rewards) > 0.0
 
 
-def test_the_stacker_succeeds_where_the_reward_is_at_its_threshold(make_actions):
+def test_the_stacker_succeeds_where_the_reward_is_at_its_threshold():
     threshold = 0.05
     task = Stacker(success_threshold=threshold)
     simulation = Simulation(task, 32)
@@ -79,7 +50,7 @@ def test_tasks_are_equal_where_they_succeed_alike():
 
 
 class TestBehavior:
-    def test_of_ball_in_cup_is_where_ball_and_cup_are(self, make_actions):
+    def test_of_ball_in_cup_is_where_ball_and_cup_are(self):
         simulation = Simulation(TASKS["ball_in_cup"](), 1)
         simulation.reset()
         for action in make_actions("bang-bang", 100, 2):
@@ -96,7 +67,7 @@ class TestBehavior:
         np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-12)
         assert (np.abs(wrapped) <= np.pi).all()
 
-    def test_of_stacker_is_where_the_hand_is(self, make_actions):
+    def test_of_stacker_is_where_the_hand_is(self):
         simulation = Simulation(TASKS["stacker"](), 1)
         simulation.reset()
         for action in make_actions("bang-bang", 100, 5):
@@ -105,7 +76,7 @@ class TestBehavior:
             simulation.behaviors[0], simulation.observations[0, 29:31], rtol=1e-6
         )
 
-    def test_stays_within_its_bounds(self, name, make_actions):
+    def test_stays_within_its_bounds(self, name):
         task = TASKS[name]()
         simulation = Simulation(task, 16)
         simulation.reset()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from suite import make_actions
 
 from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 from curiosity_gym.core import SimulationError
@@ -27,7 +28,7 @@ def make_sync(mode, **changes):
 
 
 @pytest.fixture(name="actions")
-def actions_fixture(make_actions):
+def actions_fixture():
     """Actions (150, N_ENVS, 5)."""
     return np.stack([make_actions("bang-bang", 150, 5, seed) for seed in (5, 1, 10, 4)], axis=1)
 

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from suite import make_actions
 
 from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 
@@ -56,7 +57,7 @@ except gym.error.DependencyNotInstalled as error:
 
 @needs_opengl
 class TestFrames:
-    def test_have_the_documented_size_and_show_motion(self, name, make_actions):
+    def test_have_the_documented_size_and_show_motion(self, name):
         env = ControlEnv(name, render_mode="rgb_array")
         env.reset()
         first = env.render()
@@ -88,7 +89,7 @@ class TestFrames:
         env.close()
 
     @pytest.mark.parametrize("random_start", [False, True])
-    def test_of_a_vector_env_are_those_of_single_envs(self, random_start, make_actions):
+    def test_of_a_vector_env_are_those_of_single_envs(self, random_start):
         keywords = {"render_mode": "rgb_array", "random_start": random_start}
         envs = ControlVectorEnv("finger", num_envs=2, **keywords)
         single = ControlEnv("finger", **keywords)

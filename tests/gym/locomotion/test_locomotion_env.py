@@ -135,11 +135,6 @@ def test_keywords_are_those_of_when_it_was_made():
     assert envs.make_single_env().task == envs.task
 
 
-def test_options_are_gymnasiums():
-    env = make_id("Ant", env_kwargs={"include_cfrc_ext_in_observation": False})
-    assert env.observation_space.shape == (27,)
-
-
 def test_is_drawn_where_it_is():
     env = make_id("Hopper", render_mode="rgb_array", width=64, height=48)
     env.reset(seed=0)

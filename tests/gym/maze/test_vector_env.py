@@ -33,16 +33,6 @@ def random_actions(n_steps, num_envs=N_ENVS, seed=0):
     return np.repeat(values, 5, axis=0)[:n_steps].astype(np.float32)
 
 
-def play_until_the_end(envs, actions):
-    """Number of steps, and the last step's reward and ends, of the first of the envs."""
-    envs.reset()
-    for t in range(1, 100):
-        _, rewards, terminated, truncated, _ = envs.step(actions)
-        if terminated[0] or truncated[0]:
-            return t, rewards[0], terminated[0], truncated[0]
-    raise AssertionError("The episode does not end.")
-
-
 class TestAgainstSingleEnvs:
     @pytest.mark.parametrize("mode", MODES)
     @pytest.mark.parametrize(
@@ -191,16 +181,6 @@ class TestMakeVec:
         )
         for our, their in zip(run(native, actions), run(sync, actions), strict=True):
             assert_identical(our, their)
-
-    def test_max_episode_steps_leaves_the_reward_to_the_horizon(self):
-        for later in [None, 0, 1, 3000]:
-            to_goal = np.array([[1.0, 0.0]], dtype=np.float32)
-            t = play_until_the_end(make_native(1), to_goal)[0]
-            limit = None if later is None else t + later
-            envs = make_native(1, max_episode_steps=limit)
-            assert (envs.horizon, envs.max_episode_steps) == (25, limit)
-            # A TimeLimit truncates a step that terminates, too.
-            assert play_until_the_end(envs, to_goal) == (t, 1.0 - t / 25, True, later == 0)
 
     def test_the_single_env_has_the_same_limit(self):
         env = make_native(max_episode_steps=3).make_single_env()

@@ -36,8 +36,11 @@ N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
 N_WHOLE = 128
 """Of multiples of so many a bonus has the same bits whatever stands beside it."""
-COLUMNS = ("actions", "rewards", "dones", "timeouts", "scores", "scored_at")
-"""Of each transition beside observations; last what the bonus said, and after which training."""
+COLUMNS = (
+    *("observations", "next_observations", "actions", "rewards", "dones", "timeouts"),
+    *("scores", "scored_at"),
+)
+"""Of each transition; last what the bonus said, and after which training."""
 
 
 class BonusReplayBuffer(HasSettings, ReplayBuffer):
@@ -52,23 +55,21 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     The bonus is trained on what is collected, and divided by the running standard deviation of its
     discounted sum (Burda et al. 2018), so that a `weight` means much the same whatever its scale.
     Until its first training it is 0; between two of them no transition is scored twice. Value
-    targets stop at terminations only, unless `handle_timeout_termination` is off: the last step of
-    a truncated episode goes on.
+    targets stop at terminations only: the last step of a truncated episode goes on.
 
     Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight`, `extrinsic`,
     `gamma`, `train_interval` (None: it trains when `train_bonus` is called), `n_updates` and
     `batch_size`.
 
     Args:
-        buffer_size: Transitions kept of all environments, the newest: one of each at least, and two
-            with `optimize_memory_usage`.
+        buffer_size: Transitions kept of all environments, the newest: one of each at least.
         observation_space: Of a single environment: Box, MultiBinary, Discrete or MultiDiscrete from
             0, or a Dict of such, which `MultiInputPolicy` takes. Samples are SB3's own; the bonus
             sees images as they are, and others as vectors.
         action_space: Box with bounds, or Discrete.
         device: Where samples go, and the networks of a bonus that is named.
-        handle_timeout_termination: As in SB3; None: unless `optimize_memory_usage`. Without it no
-            end of an episode is known to be the task's, and the bonus observes none.
+        n_envs: Environments side by side.
+        optimize_memory_usage: False: the bonus needs the last observations of episodes.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
         seed: Of the networks and the draws; None: drawn from NumPy's generator, which SB3's
             algorithms seed with theirs.
@@ -96,7 +97,6 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         device: th.device | str = "auto",
         n_envs: int = 1,
         optimize_memory_usage: bool = False,
-        handle_timeout_termination: bool | None = None,
         *,
         observation_key: str | None = None,
         seed: int | np.random.SeedSequence | None = None,
@@ -104,8 +104,11 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     ) -> None:
         check_at_least_one(buffer_size=buffer_size)
         check_sb3_takes(observation_space)
-        if handle_timeout_termination is None:
-            handle_timeout_termination = not optimize_memory_usage
+        if optimize_memory_usage:
+            raise ValueError(
+                "`optimize_memory_usage` must be False: the bonus needs the last observations of "
+                "episodes."
+            )
         seed = _seed_sequence(seed)
         (networks_seed,) = copy.deepcopy(seed).spawn(1)  # two buffers of one seed are the same
         self._view = View(observation_space, observation_key)
@@ -115,13 +118,11 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         )
         check_needs_no_episodes(self.bonus, "a replay buffer")
         self._rows = rows = ObservationRows(observation_space)
-        places = buffer_size, rows.array_space, action_space, device, n_envs
-        super().__init__(*places, optimize_memory_usage, handle_timeout_termination)
+        super().__init__(buffer_size, rows.array_space, action_space, device, n_envs)
         self.observation_space = observation_space
         self.obs_shape = get_obs_shape(observation_space)  # type: ignore[assignment]  # SB3's of a Dict
         self.observations = rows.view(self.observations)
-        if not optimize_memory_usage:
-            self.next_observations = rows.view(self.next_observations)
+        self.next_observations = rows.view(self.next_observations)
         shape = self.buffer_size, n_envs
         self.scores, self.scored_at = np.zeros(shape, np.float32), np.zeros(shape, np.int64)
         self._rng = np.random.default_rng(seed)
@@ -154,7 +155,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
             for entry in entries:
                 check_observations(entry)
         check_rewards(reward)
-        self.scored_at[[self.pos - 1, self.pos]] = 0  # where the newest leads may change, too
+        self.scored_at[self.pos] = 0
         obs, next_obs = (self._rows.stored(seen, self.n_envs) for seen in (obs, next_obs))
         self._end_what_was_left(obs)
         super().add(obs, next_obs, action, reward, done, infos)
@@ -166,23 +167,21 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         if not self.size():
             return
         newest = (self.pos - 1) % self.buffer_size
-        before = self._next_observations(np.full(self.n_envs, newest), np.arange(self.n_envs))
-        is_left = (before != obs).reshape(self.n_envs, -1).any(axis=1) & (self.dones[newest] == 0)
-        self.dones[newest, is_left] = 1.0
-        if not self.optimize_memory_usage:  # whose last observation is overwritten now
-            self.timeouts[newest, is_left] = 1.0
+        differs = (self.next_observations[newest] != obs).reshape(self.n_envs, -1).any(axis=1)
+        is_left = differs & (self.dones[newest] == 0)
+        self.dones[newest, is_left] = self.timeouts[newest, is_left] = 1.0
 
     def train_bonus(self) -> None:
         """Train the bonus, and score what came since the last time; nothing where nothing came."""
         curiosity = self.curiosity
-        rows, envs = self._newest(curiosity.n_untrained // self.n_envs)
-        if not len(rows):
+        newest = self._newest(curiosity.n_untrained // self.n_envs)
+        if not len(newest):
             return
         with single_torch_thread():
-            for some in self._parts(len(rows)):
-                self._observe(rows[some], envs[some])
+            for some in self._parts(newest):
+                self._observe(some)
             losses = curiosity.train(self.sample_transitions)
-            bonus = self._score(rows, envs)
+            bonus = self._score(newest)
         steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
         bonus = np.stack([curiosity.scaled(step, is_learning=True) for step in steps])
         mean, largest = self.weight * bonus.mean(), self.weight * bonus.max()
@@ -193,17 +192,16 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
         """Transitions drawn uniformly with replacement; the bonus sees raw observations."""
         drawn = self._draw(batch_size)
-        rows, envs = self._places(drawn)
         rewards = self.weight * self._bonus_of(drawn)
         if self.extrinsic:
-            rewards = rewards + self._normalize_reward(self.rewards[rows, envs], env)
+            rewards = rewards + self._normalize_reward(self.rewards.take(drawn), env)
         is_dict = isinstance(self.observation_space, spaces.Dict)
         samples: Any = DictReplayBufferSamples if is_dict else ReplayBufferSamples
         return samples(  # type: ignore[no-any-return]
-            self._sampled(self.observations[rows, envs], env),
-            self.to_torch(self.actions[rows, envs]),
-            self._sampled(self._next_observations(rows, envs), env),
-            self.to_torch(self._terminated(rows, envs)[:, None].astype(np.float32)),
+            self._sampled(self._at("observations", drawn), env),
+            self.to_torch(self._at("actions", drawn)),
+            self._sampled(self._at("next_observations", drawn), env),
+            self.to_torch(self._terminated(drawn)[:, None].astype(np.float32)),
             self.to_torch(rewards.astype(np.float32)[:, None]),
         )
 
@@ -219,7 +217,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         if not self.curiosity.n_trainings:
             return np.zeros(len(drawn), dtype=np.float32)
         self._score_unknown(drawn)
-        return self.curiosity.scaled(self.scores[self._places(drawn)])
+        return self.curiosity.scaled(self.scores.take(drawn))
 
     def _score_unknown(self, drawn: Int64Array) -> None:
         """Score those of the transitions that were not since the bonus was last trained.
@@ -231,62 +229,57 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
             return
         n_whole = min(N_WHOLE, len(drawn))
         n = -(-len(unknown) // n_whole) * n_whole
-        others = (drawn[0] + np.arange(N_SCORED)) % (self._n_stored * self.n_envs)
+        others = (drawn[0] + np.arange(N_SCORED)) % (self.size() * self.n_envs)
         others = np.setdiff1d(self._unknown(others), unknown)
-        places = self._places(np.resize(np.concatenate([unknown, others])[:n], n))
+        scored = np.resize(np.concatenate([unknown, others])[:n], n)
         with single_torch_thread():
-            self.scores[places] = self._score(*places)
-        self.scored_at[places] = self.curiosity.n_trainings
+            self.scores.put(scored, self._score(scored))
+        self.scored_at.put(scored, self.curiosity.n_trainings)
 
     def _unknown(self, drawn: Int64Array) -> Int64Array:
         """Those of the transitions that were not scored since then."""
-        scored_at = self.scored_at[self._places(drawn)]
-        return np.asarray(drawn[scored_at != self.curiosity.n_trainings])
+        return drawn[self.scored_at.take(drawn) != self.curiosity.n_trainings]
 
-    def _score(self, rows: Int64Array, envs: Int64Array) -> Array:
-        """Bonus (n,) of the transitions of these places, as the module gives it."""
-        parts = self._parts(len(rows))
-        return np.concatenate(
-            [self.curiosity.score(*self._transitions(rows[p], envs[p])) for p in parts]
-        )
+    def _score(self, numbers: Int64Array) -> Array:
+        """Bonus (n,) of transitions, as the module gives it."""
+        parts = map(self._transitions, self._parts(numbers))
+        return np.concatenate([self.curiosity.score(*part) for part in parts])
 
-    def _parts(self, n: int) -> list[slice]:
-        """Parts of n transitions whose layers fit the cache; a batch of images fills it."""
+    def _parts(self, numbers: Int64Array) -> list[Int64Array]:
+        """Parts whose layers fit the cache; a batch of images fills it."""
         size = self.batch_size if self._shows_images else max(N_SCORED, self.batch_size)
-        return [slice(begin, begin + size) for begin in range(0, n, size)]
+        return [numbers[begin : begin + size] for begin in range(0, len(numbers), size)]
 
     def sample_transitions(self, batch_size: int) -> tuple[th.Tensor, ...]:
         """Observations, actions, and next observations, which may be some steps later."""
-        (rows, envs), horizon = self._places(self._draw(batch_size)), self.curiosity.horizon
-        windows = (rows[:, None] + np.arange(horizon)) % self.buffer_size
+        drawn, horizon = self._draw(batch_size), self.curiosity.horizon
+        windows = (drawn[:, None] + np.arange(horizon) * self.n_envs) % self.dones.size
         newest = (self.pos - 1) % self.buffer_size
-        is_last = (self.dones[windows, envs[:, None]] > 0) | (windows == newest)
+        is_last = (self.dones.take(windows) > 0) | (windows // self.n_envs == newest)
         is_last[:, -1] = True
-        steps = np.minimum(draw_steps(self._rng, rows.shape, horizon), is_last.argmax(axis=1) + 1)
+        steps = np.minimum(draw_steps(self._rng, drawn.shape, horizon), is_last.argmax(axis=1) + 1)
         ends = windows[np.arange(batch_size), steps - 1]
-        before, actions, _ = self._transitions(rows, envs)
-        after = self._seen(self._next_observations(ends, envs))
+        before, actions, _ = self._transitions(drawn)
+        after = self._seen(self._at("next_observations", ends))
         actions = actions.reshape(batch_size, -1).astype(np.float32, copy=False)
         return th.from_numpy(before), th.from_numpy(actions), th.from_numpy(after)
 
-    def _transitions(self, rows: Int64Array, envs: Int64Array) -> tuple[Array, ...]:
+    def _transitions(self, numbers: Int64Array) -> tuple[Array, ...]:
         """Observations, actions and next observations, as a bonus takes them."""
         return (
-            self._seen(self.observations[rows, envs]),
-            self._taken(self.actions[rows, envs]),
-            self._seen(self._next_observations(rows, envs)),
+            self._seen(self._at("observations", numbers)),
+            self._taken(self._at("actions", numbers)),
+            self._seen(self._at("next_observations", numbers)),
         )
 
-    def _observe(self, rows: Int64Array, envs: Int64Array) -> None:
-        before = self._seen(self.observations[rows, envs])
-        # Without memory of limits of time no end is known to be the task's, or no end is stored.
-        terminated = self._terminated(rows, envs) & self.handle_timeout_termination
-        ends = self._next_observations(rows[terminated], envs[terminated])
+    def _observe(self, numbers: Int64Array) -> None:
+        before = self._seen(self._at("observations", numbers))
+        ends = self._at("next_observations", numbers[self._terminated(numbers)])
         self.curiosity.observe(before, self._seen(ends))
 
-    def _terminated(self, rows: Int64Array, envs: Int64Array) -> Mask:
+    def _terminated(self, numbers: Int64Array) -> Mask:
         """Where the task ended an episode, no limit of time."""
-        return np.asarray((self.dones[rows, envs] > 0) & (self.timeouts[rows, envs] == 0))
+        return (self.dones.take(numbers) > 0) & (self.timeouts.take(numbers) == 0)
 
     def _seen(self, rows: Array) -> Array:
         """Observations as the bonus sees them."""
@@ -300,49 +293,30 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         center, half_range = action_scale(self.action_space)
         return center + half_range * actions.astype(np.float32, copy=False)
 
-    # -- places ---------------------------------------------------------------------------------
-
-    @property
-    def _n_stored(self) -> int:
-        """Steps of every environment whose next observation is stored, too."""
-        return self.size() - (self.optimize_memory_usage and self.full)
-
     def _draw(self, n: int) -> Int64Array:
-        """Numbers of transitions that are stored, drawn uniformly."""
-        return self._rng.integers(self._n_stored * self.n_envs, size=n)
+        """Numbers of transitions, drawn uniformly; the environments of a row follow each other."""
+        return self._rng.integers(self.size() * self.n_envs, size=n)
 
-    def _places(self, drawn: Int64Array) -> tuple[Int64Array, Int64Array]:
-        """Row and environment of each transition of such a number."""
-        rows, envs = np.divmod(drawn, self.n_envs)
-        if self._n_stored < self.size():  # the newest next observation is in the oldest's place
-            rows = (self.pos + 1 + rows) % self.buffer_size
-        return rows, envs
+    def _newest(self, n: int) -> Int64Array:
+        """Numbers of the last n steps of every environment, in their order."""
+        n = min(n, self.size())
+        begin = (self.pos - n) * self.n_envs
+        return np.arange(begin, begin + n * self.n_envs) % self.dones.size
 
-    def _newest(self, n: int) -> tuple[Int64Array, Int64Array]:
-        """Rows and environments of the last n steps of every environment, in their order."""
-        n = min(n, self._n_stored)
-        rows = (self.pos - n + np.arange(n)) % self.buffer_size
-        return np.repeat(rows, self.n_envs), np.tile(np.arange(self.n_envs), n)
-
-    def _next_observations(self, rows: Int64Array, envs: Int64Array) -> Array:
-        if not self.optimize_memory_usage:
-            return np.asarray(self.next_observations[rows, envs])
-        goes_on = self.dones[rows, envs] == 0  # where not, the next row begins another episode
-        return np.asarray(self.observations[(rows + goes_on) % self.buffer_size, envs])
+    def _at(self, column: str, numbers: Int64Array) -> Array:
+        """What a column has of transitions."""
+        rows: Array = getattr(self, column)
+        return rows.reshape(-1, *rows.shape[2:])[numbers]
 
     # -- save and load --------------------------------------------------------------------------
 
     def _stored(self, n: int) -> dict[str, Any]:
         """The first n rows of each column, as they lie; of a Dict of observations by entry."""
-        has_next = not self.optimize_memory_usage
-        names = ("observations", *(["next_observations"] if has_next else []), *COLUMNS)
-        return {name: self._rows.sampled(getattr(self, name)[:n]) for name in names}
+        return {name: self._rows.sampled(getattr(self, name)[:n]) for name in COLUMNS}
 
     def state_dict(self, *, transitions: bool = True) -> dict[str, Any]:
         """Everything that a resumed run needs, with or without transitions."""
-        n, pos, full = 0, 0, False
-        if transitions:  # the row after the newest may be where that leads
-            n, pos, full = min(self.size() + 1, self.buffer_size), self.pos, self.full
+        n, pos, full = (self.size(), self.pos, self.full) if transitions else (0, 0, False)
         return {
             "curiosity": self.curiosity.state_dict(),
             "rng": generator_state(self._rng),
@@ -381,7 +355,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
 
     @property
     def _made(self) -> dict[str, Any]:
-        names = "buffer_size", "n_envs", "optimize_memory_usage", "observation_key"
+        names = "buffer_size", "n_envs", "observation_key"
         return self.curiosity.made_with | {name: getattr(self, name) for name in names}
 
     def restore(self, path: str | os.PathLike[str]) -> None:

@@ -59,7 +59,7 @@ class OfNow(BonusReplayBuffer):
 
 def newest(buffer, n):
     """The last n steps of every environment, as the bonus sees them."""
-    return buffer._transitions(*buffer._newest(n))
+    return buffer._transitions(buffer._newest(n))
 
 
 def make_buffer(capacity=10, observation_space=OBSERVATIONS, action_space=ACTIONS, **settings):
@@ -167,11 +167,10 @@ def walk(buffer, n_steps, ends=lambda env, step: False):
         places = np.where(dones, 100.0 * np.arange(buffer.n_envs), places + 1)
 
 
-@pytest.mark.parametrize("optimize", [False, True])
 class TestManyEnvironments:
     @pytest.mark.parametrize("n_envs", [1, 3])
-    def test_rows_belong_together(self, optimize, n_envs):
-        buffer = make_buffer(24, n_envs=n_envs, optimize_memory_usage=optimize)
+    def test_rows_belong_together(self, n_envs):
+        buffer = make_buffer(24, n_envs=n_envs)
         walk(buffer, 6)
         sample = buffer.sample(300)
         x = sample.observations
@@ -181,19 +180,18 @@ class TestManyEnvironments:
         assert th.allclose(sample.rewards, x / 10 + 0.5 * (6 * x + x / 100 + 4))
 
     @pytest.mark.parametrize("n_envs", [1, 3])
-    def test_the_oldest_go(self, optimize, n_envs):
-        buffer = make_buffer(4 * n_envs, n_envs=n_envs, optimize_memory_usage=optimize)
+    def test_the_oldest_go(self, n_envs):
+        buffer = make_buffer(4 * n_envs, n_envs=n_envs)
         walk(buffer, 9)
-        oldest = 5 + optimize  # whose place has the newest next observation
-        envs, left = range(n_envs), range(oldest, 9)
+        envs, left = range(n_envs), range(5, 9)
         seen = buffer.sample(300).observations.unique().tolist()
         assert seen == [100 * env + i for env in envs for i in left]
         before, _, after = newest(buffer, 9)
         assert before.ravel().tolist() == [100 * env + i for i in left for env in envs]
         np.testing.assert_array_equal(after, before + 1)
 
-    def test_spans_stay_in_an_episode_of_an_environment(self, optimize):
-        buffer = make_buffer(60, n_envs=3, optimize_memory_usage=optimize)
+    def test_spans_stay_in_an_episode_of_an_environment(self):
+        buffer = make_buffer(60, n_envs=3)
         buffer.bonus.horizon = 4
         walk(buffer, 9, ends=lambda env, step: step == 2 + env)
         before, _, after = buffer.sample_transitions(2000)
@@ -202,20 +200,20 @@ class TestManyEnvironments:
         for env, (first, second) in enumerate([(3, 6), (4, 5), (5, 4)]):  # steps of its episodes
             for length in (first, second):
                 for i in range(length):
-                    for j in range(i + 1, min(i + 4, length) + 1):
-                        # The last observation of an episode that ended may not be held.
-                        is_lost = optimize and length == first and j == length
-                        expected.add((100 * env + i, 100 * env + j - is_lost))
+                    expected |= {
+                        (100 * env + i, 100 * env + j)
+                        for j in range(i + 1, min(i + 4, length) + 1)
+                    }
         assert spans == expected
 
-    def test_one_is_left_and_the_others_go_on(self, optimize):
-        buffer = make_buffer(20, n_envs=2, optimize_memory_usage=optimize)
+    def test_one_is_left_and_the_others_go_on(self):
+        buffer = make_buffer(20, n_envs=2)
         buffer.bonus.horizon = 3
         for rows in ([[0], [100]], [[1], [101]], [[50], [102]]):
             rows = np.array(rows, dtype=np.float32)
             buffer.add(rows, rows + 1, rows / 1000, np.zeros(2), np.zeros(2), [{}, {}])
         assert buffer.dones[:3].tolist() == [[0, 0], [1, 0], [0, 0]]
-        assert buffer.timeouts[1, 0] == (not optimize)
+        assert buffer.timeouts[1, 0] == 1
         before, _, after = buffer.sample_transitions(500)
         assert after[before < 50].max() <= 2
         assert after[before >= 100].max() == 103
@@ -286,10 +284,8 @@ class TestTraining:
         assert buffer.metrics["recorder/loss"] > 0.0
         assert buffer.metrics["intrinsic/max"] == pytest.approx(0.5 * largest, rel=1e-5)
 
-    @pytest.mark.parametrize("optimize", [False, True])
-    def test_each_transition_is_scored_once_until_the_next(self, optimize, monkeypatch):
-        settings = {"n_envs": 2, "train_interval": 8, "optimize_memory_usage": optimize}
-        buffer = make_buffer(40, extrinsic=False, **settings)
+    def test_each_transition_is_scored_once_until_the_next(self, monkeypatch):
+        buffer = make_buffer(40, extrinsic=False, n_envs=2, train_interval=8)
         score, scored = Weighted.score, []
         monkeypatch.setattr(
             Weighted,
@@ -307,10 +303,8 @@ class TestTraining:
             buffer.sample(500)
             assert not scored
 
-    @pytest.mark.parametrize("optimize", [False, True])
-    def test_what_comes_in_the_place_of_another_is_scored(self, optimize):
-        settings = {"train_interval": 4, "optimize_memory_usage": optimize}
-        buffer = make_buffer(5, extrinsic=False, **settings)
+    def test_what_comes_in_the_place_of_another_is_scored(self):
+        buffer = make_buffer(5, extrinsic=False, train_interval=4)
         for x in range(4):
             add(buffer, x)
         buffer.train_interval = 100
@@ -344,6 +338,7 @@ class TestTraining:
         ({"action_space": spaces.MultiBinary(3)}, "action"),
         ({"observation_space": spaces.Tuple([OBSERVATIONS])}, "policies take"),
         ({"observation_key": "x"}, "`observation_key` must be None"),
+        ({"optimize_memory_usage": True}, "`optimize_memory_usage` must be False"),
     ],
 )
 def test_bad_settings_are_named(settings, said):
@@ -351,10 +346,9 @@ def test_bad_settings_are_named(settings, said):
         make_buffer(**settings)
 
 
-@pytest.mark.parametrize("optimize", [False, True])
-def test_observations_of_another_dtype_are_those_that_are_held(optimize):
+def test_observations_of_another_dtype_are_those_that_are_held():
     """As SubprocVecEnv hands on what an environment returns in float64."""
-    buffer = make_buffer(optimize_memory_usage=optimize)
+    buffer = make_buffer()
     rows = np.random.default_rng(0).normal(size=(6, 1, 1))
     for before, after in pairwise(rows):
         buffer.add(before, after, before, np.zeros(1), np.zeros(1), [{}])
@@ -412,18 +406,15 @@ class TestOtherSpaces:
             for column in ("observations", "next_observations"):
                 held = [getattr(buffer, column)[key] for buffer in (ours, theirs)]
                 np.testing.assert_array_equal(*held)
-        rows, envs = ours._places(copy.deepcopy(ours)._draw(30))
-        sample = ours.sample(30)
-        drawn = iter((rows, envs))
-        theirs_sample = _at(theirs, *drawn)
+        drawn = copy.deepcopy(ours)._draw(30)
+        sample, theirs_sample = ours.sample(30), _at(theirs, *np.divmod(drawn, n_envs))
         assert type(sample) is type(theirs_sample)
         for one, other in zip(sample[:5], theirs_sample[:5], strict=True):
             assert_equal(one, other)
 
-    @pytest.mark.parametrize("optimize", [False, True])
-    def test_the_bonus_sees_vectors(self, name, optimize):
+    def test_the_bonus_sees_vectors(self, name):
         space, _ = OFF_POLICY[name]
-        buffer = make_buffer(40, space, n_envs=4, optimize_memory_usage=optimize)
+        buffer = make_buffer(40, space, n_envs=4)
         seen = self.fill(space, 5, buffer)
         flat = [
             [spaces.flatten(space, row) for step in steps for row in rows_of(space, step)]
@@ -561,15 +552,13 @@ def assert_goes_on(model, n_steps, tmp_path):
     assert model.num_timesteps == twin.num_timesteps == 2 * n_steps
 
 
-@pytest.mark.parametrize("optimize", [False, True])
 @pytest.mark.parametrize("n_steps", [20, 200])
-def test_its_own_file_goes_on(optimize, n_steps, tmp_path):
+def test_its_own_file_goes_on(n_steps, tmp_path):
     """Whether it has been filled or not."""
 
     def make(seed):
         settings = {"train_interval": 16, "n_updates": 2, "gamma": 0.9, "n_envs": 2}
-        given = {"bonus": "apt", "seed": seed, "optimize_memory_usage": optimize, **settings}
-        return make_buffer(64, **given)
+        return make_buffer(64, bonus="apt", seed=seed, **settings)
 
     one, twin = make(0), make(1)
     walk(one, n_steps)
@@ -587,7 +576,6 @@ def test_its_own_file_goes_on(optimize, n_steps, tmp_path):
     [
         ({"bonus": "icm"}, "'bonus': 'icm', .* is of {'bonus': 'rnd',"),
         ({"bonus_kwargs": {"hidden": 8}}, "'hidden': 8}, .* is of .*'bonus_kwargs': {},"),
-        ({"optimize_memory_usage": True}, "'optimize_memory_usage': True.* is of"),
         ({"n_envs": 2}, "'n_envs': 2.* is of .*'n_envs': 1"),
     ],
 )

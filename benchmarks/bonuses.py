@@ -19,6 +19,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from benchmarks.learning import MAZES, WORLDS
 from benchmarks.off_policy import TD3_SETTINGS, Stored
 from benchmarks.results import FOLDER, collect
+from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.make import BONUSES
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import sweep
@@ -26,7 +27,7 @@ from curiosity_algos.experiments.sweep import sweep
 US = MAZES[1]
 SPARSE = ("MountainCarContinuous-v0", "CuriositySparse-PointMaze_Large-v0")
 """Tasks of others' where reward is far away."""
-SAMPLED = tuple(name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes"))
+SAMPLED = tuple(name for name, bonus in BONUSES.items() if bonus.episodes is Bonus.episodes)
 """Bonuses that a replay buffer takes: they ask for no episodes."""
 
 

@@ -20,6 +20,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.td3.policies import TD3Policy
 
 from curiosity_algos.bonuses.base import Bonus
+from curiosity_algos.common.kept import Kept
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.presets import preset_settings
 from curiosity_algos.evaluation.arguments import check_keywords_known, check_order
@@ -71,6 +72,9 @@ class TD3ICM(HasSettings, TD3):
         exploration: The `ExplorationCallback` that observes the episodes since the model was made
             or loaded.
         preset: Name of the preset that the model was made from, or None.
+        coverage: Share of the reachable cells in which episodes ended; None where there are none.
+        best_return: Highest return of an episode; -inf before the first.
+        first_success_timesteps: Timesteps when an episode first succeeded, or None.
 
     Raises:
         ValueError: If an argument of the bonus, a learning rate or the batch size is out of range,
@@ -80,6 +84,8 @@ class TD3ICM(HasSettings, TD3):
     _settled = frozenset({"bonus", "bonus_kwargs", "weight", "extrinsic", "n_updates"})
     replay_buffer: BonusReplayBuffer
     preset: str | None = None
+    coverage = Kept("exploration.coverage", "reachable")
+    best_return, first_success_timesteps = Kept("exploration"), Kept("exploration")
 
     def __init__(
         self,
@@ -167,21 +173,6 @@ class TD3ICM(HasSettings, TD3):
     def _way_on(name: str) -> str:
         is_of_bonus = name in ("bonus", "bonus_kwargs")
         return "make a new model" if is_of_bonus else f"set `model.replay_buffer.{name}`"
-
-    @property
-    def coverage(self) -> float | None:
-        """Share of the reachable cells in which episodes ended; None where there are no cells."""
-        return self.exploration.coverage.reachable
-
-    @property
-    def best_return(self) -> float:
-        """Highest return of an episode; -inf before the first."""
-        return self.exploration.best_return
-
-    @property
-    def first_success_timesteps(self) -> int | None:
-        """Timesteps when an episode first succeeded, or None."""
-        return self.exploration.first_success_timesteps
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Train the bonus, then actor and critics as SB3 does, on one torch thread."""

@@ -18,7 +18,7 @@ from gymnasium import spaces
 from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
-from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.bonuses.memory import FeatureMemory
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
@@ -50,8 +50,6 @@ class APT(NetworkBonus):
     Further keywords are those of every bonus of networks, see `NetworkBonus`.
 
     Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: Any; taken so that bonuses are made alike.
         horizon: Steps between the two states of a transition that it learns from, at most. It is
             who calls `update` that draws such pairs, as the algorithms and the wrapper do: given
             single steps, it learns as with a horizon of 1.
@@ -74,7 +72,7 @@ class APT(NetworkBonus):
         memory_size: int | None = None,
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
-        super().__init__(observation_space, **kwargs)
+        super().__init__(observation_space, action_space, **kwargs)
         if memory_size is None:
             memory_size = MEMORY_SIZE if self.images is None else N_IMAGES
         check_at_least_one(horizon=horizon, n_neighbors=n_neighbors, memory_size=memory_size)
@@ -92,11 +90,9 @@ class APT(NetworkBonus):
             memory_size, self.shape, dtype, self.n_features, seed=self.seed, device=self.device
         )
 
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
         """The loss of telling each next state from the others of a batch, and back."""
-        both = self.encoder(self.inputs(th.cat([observations, next_observations])))
+        both = self.encoder(self.inputs(th.cat([before, after])))
         # Torch has no hints there.
         return {"loss": InfoNCE.apply(*both.chunk(2))}  # type: ignore[no-untyped-call]
 
@@ -106,21 +102,18 @@ class APT(NetworkBonus):
         self._has_observed = True
         self.memory.add(observations.cpu().numpy())
 
-    def update(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, float]:
-        """One step of Adam on a batch; the loss before it."""
+    def update(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> dict[str, float]:
         if self._has_observed:
             # Until then what is asked and what is remembered are standardized alike.
             self.normalizer.load_state_dict(self.statistics.state_dict())
             self._has_observed = False
         self.memory.outdate()
-        return super().update(observations, actions, next_observations)
+        return super().update(before, actions, after)
 
     @th.no_grad()
-    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
+    def score(self, before: Array, actions: Array, after: Array) -> Float32Array:
         """Novelty of where each transition leads, shape (n,); 0 while nothing was observed."""
-        features = self._features(next_observations)
+        features = self._features(after)
         if not len(self.memory):
             return np.zeros(len(features), dtype=np.float32)
         known, squares = self.memory.features(self._features)

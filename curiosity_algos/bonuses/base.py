@@ -6,8 +6,7 @@ import copy
 import inspect
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Set
-from functools import cache
+from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol, TypedDict, runtime_checkable
 
 import numpy as np
@@ -15,13 +14,32 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses.encoders import ImageInputs
-from curiosity_algos.common.arrays import Array, Float32Array
+from curiosity_algos.common.arrays import Array, Float32Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer, torch_device
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.compiled import ThreadPool
 from curiosity_gym.validation import check_at_least_one, check_bool, check_positive, check_seed
+
+Losses = dict[str, th.Tensor]
+"""Mean losses of a batch by name; "loss" is what is minimized."""
+
+
+class Episodes(Protocol):
+    """What a bonus remembers of episodes side by side, each from its beginning."""
+
+    def score(self, before: Array, actions: Array, after: Any) -> Float32Array:
+        """Bonus (n,) of a step of each episode, which is then remembered."""
+
+    def end(self, dones: Mask) -> None:
+        """Forget the episodes (n,) that have ended: with the next step others begin."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """What is remembered, as tensors and plain values."""
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
 
 
 @runtime_checkable
@@ -42,23 +60,31 @@ class Bonus(Protocol):
     def name(self) -> str:
         """The name that its metrics are logged under."""
 
-    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
+    def score(self, before: Array, actions: Array, after: Any) -> Float32Array:
         """Bonus of each transition, shape (n,).
 
-        Observations are (n, ...), actions (n, A) of a Box or (n,) of a Discrete, both as the
-        environment gives and takes them.
+        Observations before and after are (n, ...), actions (n, A) of a Box or (n,) of a Discrete,
+        all as the environment gives and takes them.
         """
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
         """Bonus of each of the T transitions among T + 1 consecutive observations, shape (T,)."""
         return self.score(observations[:-1], actions, observations[1:])
 
+    def episodes(self, n: int) -> Episodes | None:
+        """A memory for n episodes side by side, none of which has begun; None: it asks for none.
+
+        Of a bonus with a memory `score` raises ValueError, and `score_trajectory` takes an episode
+        from its beginning.
+        """
+        return None
+
     def observe(self, observations: th.Tensor) -> None:
         """Take observations (n, ...) into statistics, if any."""
         return
 
     def update(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+        self, before: th.Tensor, actions: th.Tensor, after: th.Tensor
     ) -> Mapping[str, float]:
         """One gradient step on a batch; the losses before it.
 
@@ -70,6 +96,22 @@ class Bonus(Protocol):
 
     def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> Any:
         """Take over what `state_dict` gave."""
+
+
+def refuse_transitions(bonus: Bonus, before: Array, actions: Array, after: Any) -> Float32Array:
+    """Raise ValueError: a transition alone has no bonus, see `episodes`."""
+    raise ValueError(
+        f"`bonus` must be asked for whole episodes: {bonus.name} remembers each of them."
+    )
+
+
+def check_needs_no_episodes(bonus: Bonus, holder: str) -> None:
+    """Raise ValueError unless transitions that come in no order can be scored."""
+    if bonus.episodes(1) is not None:
+        raise ValueError(
+            f"`bonus` must be one of single transitions in {holder}, {bonus.name} asks what an "
+            "episode has seen before."
+        )
 
 
 class NetworkKeywords(TypedDict, total=False):
@@ -93,6 +135,8 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
     Args:
         observation_space: Box of 1-D observations, or of images as Stable-Baselines3 takes them
             (uint8, channels first or last, 4 by 4 at least).
+        action_space: One-dimensional Box, whose entries are scaled to [-1, 1] where they have
+            bounds, or Discrete. Some bonuses take it only to be made like others.
         learning_rate: Adam's, above 0.
         n_features: Length of the feature vector.
         hidden: Widths of hidden layers. The encoder of images is SB3's NatureCNN, or `SmallCNN`.
@@ -113,6 +157,7 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
     def __init__(
         self,
         observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
         *,
         learning_rate: float = 1e-3,
         n_features: int = 32,
@@ -137,22 +182,17 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
         self.normalizer = RunningNormalizer(n_entries) if normalize else th.nn.Identity()
         self.pool = ThreadPool(1)
 
-    @property
-    def _made_with(self) -> Set[str]:
-        # Classes have a hash, which mypy looks for among those of their objects.
-        return _keywords(type(self)) & vars(self).keys()
-
     def _begin(self) -> None:
         """Move the networks to their device, and train those with gradients from here on."""
         self.to(self.device)
+        public = {name for name in vars(self) if name[0] != "_"}
+        self._settled = public - {"optimizer", "pool", "training"}
         trained = [each for each in self.parameters() if each.requires_grad]
         self.optimizer = th.optim.Adam(trained, lr=self.learning_rate, fused=True)
 
     @abstractmethod
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
-        """Mean losses of a batch; "loss" is what is minimized."""
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
+        """Mean losses of a batch, among them "loss", which is minimized."""
 
     def inputs(self, observations: th.Tensor) -> th.Tensor:
         """Observations (n, ...) as the networks take them: flat, or images with channels first."""
@@ -180,20 +220,18 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
         if isinstance(statistics, RunningNormalizer):
             statistics.observe(self._flat(observations.to(self.device)))
 
-    def update(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, float]:
+    def update(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> dict[str, float]:
         """One step of Adam on a batch; the losses before it."""
-        batch = (x.to(self.device) for x in (observations, actions, next_observations))
+        batch = (x.to(self.device) for x in (before, actions, after))
         losses = self.differentiate(*batch)
         self.optimizer.step()
         return losses
 
     def differentiate(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+        self, before: th.Tensor, actions: th.Tensor, after: th.Tensor
     ) -> dict[str, float]:
         """The losses of a batch; the gradient of "loss" goes where the optimizer finds it."""
-        losses = self.losses(observations, actions, next_observations)
+        losses = self.losses(before, actions, after)
         self.optimizer.zero_grad(set_to_none=True)
         losses["loss"].backward()  # type: ignore[no-untyped-call]  # torch has no hints there
         return {name: loss.item() for name, loss in losses.items()}
@@ -224,13 +262,6 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
         trained = [each.detach() for each in self.optimizer.param_groups[0]["params"]]
         names = ("exp_avg", "exp_avg_sq")
         return {i: {"step": th.zeros(()), **dict.fromkeys(names, x)} for i, x in enumerate(trained)}
-
-
-@cache
-def _keywords(cls: type[NetworkBonus]) -> Set[str]:
-    """Names of keywords that stay: those of this package's bonuses, not of a user's subclass."""
-    known = next(each for each in cls.__mro__ if each.__module__.startswith("curiosity_algos."))
-    return {*keyword_only(known), *NetworkKeywords.__optional_keys__}
 
 
 def keyword_only(made: Any) -> list[str]:

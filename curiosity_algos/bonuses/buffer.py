@@ -59,15 +59,12 @@ class TransitionBuffer:
         self._generator = th.Generator().manual_seed(integer_seed(seed))
 
     def __len__(self) -> int:
-        """Number of transitions held."""
         return self.size
 
-    def add(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> None:
+    def add(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> None:
         """Store n transitions, arrays of n rows; actions are (n, A) or (n,)."""
-        added = observations, actions.reshape(len(actions), -1), next_observations
-        n = min(len(observations), self.capacity)
+        added = before, actions.reshape(len(actions), -1), after
+        n = min(len(before), self.capacity)
         places = (self._next + th.arange(n)) % self.capacity
         for column, values in zip(self._columns.values(), added, strict=True):
             column[places] = values[-n:].to(column.dtype)

@@ -1,7 +1,7 @@
 """Is a bonus right? Small worlds whose answers can be written down, for any `Bonus`.
 
-`check_bonus`, `check_episodes` and `check_wrapper` raise AssertionError with the figure that is
-wrong, much as Gymnasium's `check_env` does. `learn_tiny_mdp` gives the figures themselves.
+`check_bonus` and `check_episodes` raise AssertionError with the figure that is wrong, much as
+Gymnasium's `check_env` does. `learn_tiny_mdp` gives the figures themselves.
 """
 
 from __future__ import annotations
@@ -10,26 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-import gymnasium as gym
 import numpy as np
 import torch as th
 from gymnasium import spaces
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.bonuses.episodes import EpisodicBonus, episodes_of
-from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import seeded_globally
 
 MakeBonus: TypeAlias = "Callable[[spaces.Box[Any], spaces.Discrete[Any]], Bonus]"
 
 N_STATES, N_ACTIONS, N_ENTRIES = 20, 3, 6
-
-
-# -- a tiny MDP -----------------------------------------------------------------------------------
 
 
 def tiny_mdp(seed: int = 0) -> tuple[Array, ...]:
@@ -87,7 +78,7 @@ def learn_tiny_mdp(make_bonus: MakeBonus, n_updates: int = 3000, seed: int = 0) 
 
 def _score(bonus: Bonus, transitions: Sequence[Array]) -> Array:
     """Bonus of each transition, as the first of an episode where that counts."""
-    return (episodes_of(bonus, len(transitions[0])) or bonus).score(*transitions)
+    return (bonus.episodes(len(transitions[0])) or bonus).score(*transitions)
 
 
 def check_bonus(make_bonus: MakeBonus, seed: int = 0) -> Learned:
@@ -104,24 +95,20 @@ def check_bonus(make_bonus: MakeBonus, seed: int = 0) -> Learned:
     """
     learned = learn_tiny_mdp(make_bonus, seed=seed)
     seen, unseen = learned.seen[-1], learned.unseen[-1]
-    _check(seen < 0.1 * learned.seen[0], "must fall where it is trained", learned)
-    _check(seen < 0.1 * unseen, "must stay higher elsewhere", learned)
-    _check(unseen > 0.05 * learned.unseen[0], "must stay high elsewhere", learned)
-    _check(min(seen, unseen) >= 0.0, "must not be negative", learned)
-    return learned
-
-
-def _check(is_right: bool, what: str, learned: Learned) -> None:
-    """Raise AssertionError, with what a bonus was before its training and after."""
-    if not is_right:  # a NaN is not right either
-        before, after = (f"{learned.seen[i]:.3g} and {learned.unseen[i]:.3g}" for i in (0, -1))
+    is_right = {
+        "must fall where it is trained": seen < 0.1 * learned.seen[0],
+        "must stay higher elsewhere": seen < 0.1 * unseen,
+        "must stay high elsewhere": unseen > 0.05 * learned.unseen[0],
+        "must not be negative": min(seen, unseen) >= 0.0,
+    }
+    before, after = (f"{learned.seen[i]:.3g} and {learned.unseen[i]:.3g}" for i in (0, -1))
+    for what in [what for what, is_so in is_right.items() if not is_so]:  # as of a NaN
         raise AssertionError(
             f"The bonus {what}: before training it is {before} where it is trained and elsewhere, "
             f"after it {after}."
         )
+    return learned
 
-
-# -- episodes -------------------------------------------------------------------------------------
 
 N_EPISODES, N_STEPS = 3, 12
 
@@ -130,7 +117,7 @@ def check_episodes(make_bonus: MakeBonus) -> None:
     """Check that a bonus with a memory of its episode remembers that, and nothing else.
 
     Args:
-        make_bonus: As in `learn_tiny_mdp`; it makes an `EpisodicBonus`.
+        make_bonus: As in `learn_tiny_mdp`; its bonus has a memory of episodes.
 
     Raises:
         AssertionError: If an episode has another bonus than `score_trajectory` says of it alone,
@@ -143,13 +130,13 @@ def check_episodes(make_bonus: MakeBonus) -> None:
     observations = states[places]
     actions = rng.integers(0, N_ACTIONS, (N_EPISODES, N_STEPS))
     bonus = make_bonus(spaces.Box(-np.inf, np.inf, (N_ENTRIES,)), spaces.Discrete(N_ACTIONS))
-    assert isinstance(bonus, EpisodicBonus)
     parts = observations[:, :-1], actions, observations[:, 1:]
     seen, taken, reached = (th.from_numpy(each.reshape(N_EPISODES * N_STEPS, -1)) for each in parts)
     bonus.observe(seen)
     bonus.update(seen, taken, reached)  # what is new in training may count, too
     alone = [bonus.score_trajectory(*each) for each in zip(observations, actions, strict=True)]
     episodes = bonus.episodes(N_EPISODES)
+    assert episodes is not None
     for when in ("beside others", "after another"):
         steps = zip(*(each.swapaxes(0, 1) for each in parts), strict=True)
         together = np.stack([episodes.score(*step) for step in steps], axis=1)
@@ -159,78 +146,3 @@ def check_episodes(make_bonus: MakeBonus) -> None:
                 f"on average, and {np.mean(alone):.3g} alone."
             )
         episodes.end(np.ones(N_EPISODES, dtype=np.bool_))
-
-
-# -- a wrapper, or a callback ---------------------------------------------------------------------
-
-HORIZON, GAMMA, N_CORRIDORS = 8, 0.9, 256
-
-
-class _Corridor(gym.Env[Any, Any]):
-    """Observes how many steps were taken, of 8; nothing else happens."""
-
-    observation_space = spaces.Box(0.0, HORIZON, (1,))
-    action_space = spaces.Discrete(2)
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        super().reset(seed=seed)
-        self._n = 0
-        return np.zeros(1, dtype=np.float32), {}
-
-    def step(self, action: Any) -> Any:
-        self._n += 1
-        return np.full(1, self._n, dtype=np.float32), 0.0, self._n == HORIZON, False, {}
-
-
-class _AtTheEnd(Bonus):
-    """A bonus of 1 for reaching the end of the corridor, and 0 for all else; it learns nothing."""
-
-    name = "end"
-
-    def score(self, observations: Any, actions: Any, next_observations: Any) -> Float32Array:
-        reached: Mask = next_observations[:, 0] == HORIZON
-        return reached.astype(np.float32)
-
-    def update(self, *batch: th.Tensor) -> dict[str, float]:
-        return {}
-
-    def state_dict(self) -> dict[str, Any]:
-        return {}
-
-    def load_state_dict(self, state: Any, strict: bool = True) -> None:
-        pass
-
-
-def check_wrapper(
-    wrap: Callable[[VecEnv, Bonus], VecEnv], callback: BaseCallback | None = None
-) -> None:
-    """Check that a bonus at the end of an episode is there, and is worth something at its start.
-
-    What is checked comes after 2,048 transitions, so that the wrapper may learn a scale before.
-
-    Args:
-        wrap: Adds a bonus to a VecEnv.
-        callback: Does so instead, where `wrap` does not, in a model of Stable-Baselines3.
-
-    Raises:
-        AssertionError: If the bonus is asked for the observation after the reset, or enters once
-            the advantages are computed.
-    """
-    with seeded_globally(np.random.SeedSequence(0), th.device("cpu")):
-        venv = wrap(DummyVecEnv([_Corridor] * N_CORRIDORS), _AtTheEnd())
-        n = HORIZON * N_CORRIDORS
-        settings: dict[str, Any] = {"n_steps": HORIZON, "batch_size": n, "n_epochs": 1}
-        model = PPO("MlpPolicy", venv, gamma=GAMMA, gae_lambda=1.0, device="cpu", **settings)
-        model.learn(2 * n, callback=callback)
-    returns = model.rollout_buffer.returns[:, 0]
-    if not returns[-1] > 0.0:
-        raise AssertionError(
-            "The last transition of an episode must have the bonus of its true last observation, "
-            f"it has that of the observation after the reset, or none within {2 * n} transitions."
-        )
-    expected = GAMMA ** (HORIZON - 1) * returns[-1]
-    if not np.isclose(returns[0], expected, rtol=1e-3):
-        raise AssertionError(
-            f"A bonus at the end of an episode must be worth {expected:.3g} at its start, it is "
-            f"worth {returns[0]:.3g}: it must enter the reward before advantages are computed."
-        )

@@ -11,7 +11,7 @@ from typing import Any, Unpack
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
@@ -33,8 +33,6 @@ class Disagreement(NetworkBonus):
     those of every bonus of networks, see `NetworkBonus`.
 
     Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: As of `ICM`.
         n_models: Of the ensemble, 2 to 1,000.
     """
 
@@ -49,7 +47,7 @@ class Disagreement(NetworkBonus):
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         check_whole(2, MOST_MODELS, n_models=n_models)
-        super().__init__(observation_space, **kwargs)
+        super().__init__(observation_space, action_space, **kwargs)
         self.encode_actions = ActionEncoder(action_space)
         n_features, hidden = self.n_features, self.hidden
         made = {"generator": torch_generator(self.seed)}
@@ -65,17 +63,12 @@ class Disagreement(NetworkBonus):
         step = th.cat([features, self.encode_actions(actions)], dim=1)
         return th.stack([model(step) for model in self.models])
 
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
-        """Mean squared error of all models on a batch."""
-        errors = self.predictions(observations, actions) - self.encoder(
-            self.inputs(next_observations)
-        )
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
+        errors = self.predictions(before, actions) - self.encoder(self.inputs(after))
         return {"loss": errors.square().sum(dim=2).mean()}
 
     @th.no_grad()
-    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
+    def score(self, before: Array, actions: Array, after: Array) -> Float32Array:
         """Variance of each transition's predictions, (n,); where it leads to does not enter."""
-        predictions = self.predictions(self.tensor(observations), self.tensor(actions))
+        predictions = self.predictions(self.tensor(before), self.tensor(actions))
         return predictions.var(dim=0, correction=0).sum(dim=1).cpu().numpy()

@@ -13,9 +13,8 @@ import numpy as np
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords, refuse_transitions
 from curiosity_algos.bonuses.encoders import InverseFeatures
-from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.transitions import flat
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.randomness import torch_generator
@@ -34,8 +33,6 @@ class E3B(NetworkBonus):
     actions do not change is left out.
 
     Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: As of `ICM`.
         ridge: lambda, above 0: what is nothing like the episode so far has a bonus of its features'
             square over it.
     """
@@ -51,28 +48,19 @@ class E3B(NetworkBonus):
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         check_positive(ridge=ridge)
-        super().__init__(observation_space, **kwargs)
+        super().__init__(observation_space, action_space, **kwargs)
         self.ridge = ridge
-        self.encoder = InverseFeatures(
-            observation_space,
-            action_space,
-            hidden=self.hidden,
-            n_features=self.n_features,
-            generator=torch_generator(self.seed),
-        )
+        sizes, generator = (self.hidden, self.n_features), torch_generator(self.seed)
+        self.encoder = InverseFeatures(observation_space, action_space, sizes, generator=generator)
         self._begin()
 
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
-        """Mean error of the inverse model on a batch."""
-        both = self.inputs(th.cat([observations, next_observations]))
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
+        both = self.inputs(th.cat([before, after]))
         return {"loss": self.encoder.loss(both, actions)}
 
     score = refuse_transitions
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
-        """Bonus (T,) of the steps of an episode among T + 1 observations."""
         (scores,) = self.episodes(1).visit(observations[None], np.arange(1))
         return np.asarray(scores[1:])
 
@@ -95,12 +83,11 @@ class Ellipsoids:
         self._first = np.eye(bonus.n_features) / bonus.ridge
         self._inverses = np.tile(self._first, (n, 1, 1))
 
-    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
-        """Bonus (n,) of a step of each episode, which is then remembered."""
+    def score(self, before: Array, actions: Array, after: Any) -> Float32Array:
         begin = np.flatnonzero((self._inverses == self._first).all(axis=(1, 2)))
         if len(begin):
-            self.visit(observations[begin, None], begin)
-        return self.visit(next_observations[:, None], np.arange(len(self._inverses)))[:, 0]
+            self.visit(before[begin, None], begin)
+        return self.visit(after[:, None], np.arange(len(self._inverses)))[:, 0]
 
     def visit(self, observations: Array, episodes: Int64Array) -> Float32Array:
         """Bonus (m, T) of T observations (m, T, ...) of m episodes, which are remembered."""
@@ -113,15 +100,12 @@ class Ellipsoids:
         return scores.astype(np.float32)
 
     def end(self, dones: Mask) -> None:
-        """Forget the episodes (n,) that have ended."""
         self._inverses[dones] = self._first
 
     def state_dict(self) -> dict[str, Any]:
-        """The inverse covariances."""
         return {"inverses": self._inverses.copy()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
         check_like(state, self.state_dict(), "episodes")
         self._inverses = state["inverses"].copy()
 

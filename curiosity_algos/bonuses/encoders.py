@@ -26,19 +26,21 @@ SMALLEST_NATURE = 36
 
 @dataclass(frozen=True)
 class ImageInputs:
-    """Makes images floats: in [0, 1], flat for statistics, channels first for networks.
+    """How images enter networks: channels first.
 
     Attributes:
-        shape: Of an image as it is observed.
-        is_channels_last: Whether its last dimension is the color.
+        space: Of images with their channels first.
+        is_channels_last: Whether they are observed with their channels last.
+        is_small: Whether a side is too short for NatureCNN.
     """
 
-    shape: tuple[int, ...]
+    space: spaces.Box[Any]
     is_channels_last: bool
+    is_small: bool
 
     @classmethod
     def of(cls, space: spaces.Space[Any]) -> Self | None:
-        """The conversion that a space's observations need; None: they are no images.
+        """How observations of a space enter networks; None: they are no images.
 
         Raises:
             ValueError: If they are neither images nor one-dimensional, empty, or images too small.
@@ -50,32 +52,25 @@ class ImageInputs:
                 "`observation_space` must be a one-dimensional Box with an entry, or one of images "
                 f"(uint8, 0 to 255), got {space}."
             )
-        assert isinstance(space, spaces.Box)
-        images = cls(space.shape, not is_image_space_channels_first(space))
-        n_colors = space.shape[-1] if images.is_channels_last else space.shape[0]
-        side = min(images.width_and_height)
+        first: Any = space
+        if is_channels_last := not is_image_space_channels_first(first):
+            first = VecTransposeImage.transpose_space(first)
+        n_colors, *sides = first.shape
+        is_small = min(sides) < SMALLEST_NATURE
         # Of small images with many colors Stable-Baselines3 mistakes which is which.
-        if side < SMALLEST or (images.is_small and n_colors >= side):
+        if min(sides) < SMALLEST or (is_small and n_colors >= min(sides)):
             raise ValueError(
                 f"`observation_space` must have images of {SMALLEST} by {SMALLEST} at least, of "
                 f"fewer colors than pixels along a side below {SMALLEST_NATURE}, got {space}."
             )
-        return images
-
-    @property
-    def is_small(self) -> bool:
-        """Whether a side is too short for NatureCNN."""
-        return min(self.width_and_height) < SMALLEST_NATURE
-
-    @property
-    def width_and_height(self) -> tuple[int, ...]:
-        """Pixels along both sides, in the order of the shape."""
-        return self.shape[:2] if self.is_channels_last else self.shape[1:]
+        return cls(first, is_channels_last, is_small)
 
     def unflatten(self, entries: th.Tensor) -> th.Tensor:
         """Entries (n, entries) as images, channels first."""
-        images = entries.reshape(-1, *self.shape)
-        return images.permute(0, 3, 1, 2) if self.is_channels_last else images
+        colors, *sides = self.space.shape
+        if self.is_channels_last:
+            return entries.reshape(-1, *sides, colors).permute(0, 3, 1, 2)
+        return entries.reshape(-1, colors, *sides)
 
 
 class SmallCNN(BaseFeaturesExtractor):
@@ -128,14 +123,10 @@ def make_encoder(
         generator: Draws the initial weights.
     """
     images = ImageInputs.of(observation_space)
-    assert isinstance(observation_space, spaces.Box)
     if images is None:
-        return mlp(observation_space.shape[0], *sizes, generator=generator)
-    space: spaces.Space[Any] = observation_space
-    if images.is_channels_last:
-        space = VecTransposeImage.transpose_space(observation_space)
+        return mlp(spaces.flatdim(observation_space), *sizes, generator=generator)
     with th.random.fork_rng(devices=[]):
-        network = (SmallCNN if images.is_small else NatureCNN)(space, features_dim=sizes[-1])
+        network = (SmallCNN if images.is_small else NatureCNN)(images.space, sizes[-1])
     for each in network.modules():
         if isinstance(each, th.nn.Conv2d | th.nn.Linear):
             initialize(each, generator)
@@ -215,23 +206,25 @@ def action_size(action_space: spaces.Space[Any]) -> int:
 
 
 class InverseFeatures(th.nn.Module):
-    """An encoder, and the inverse model that it learns from: it tells the action between two."""
+    """An encoder, and the inverse model that it learns from: it tells the action between two.
+
+    `sizes` are the width of both models' two hidden layers, and the number of features.
+    """
 
     def __init__(
         self,
         observation_space: spaces.Space[Any],
         action_space: spaces.Space[Any],
+        sizes: tuple[int, int],
         *,
-        hidden: int,
-        n_features: int,
         generator: th.Generator,
     ) -> None:
         super().__init__()
         self.encode_actions = ActionEncoder(action_space)
-        sizes = hidden, hidden
-        self.encoder = make_encoder(observation_space, *sizes, n_features, generator=generator)
-        n_actions = self.encode_actions.size
-        self.inverse_model = mlp(2 * n_features, *sizes, n_actions, generator=generator)
+        hidden, n_features = sizes
+        made = {"generator": generator}
+        self.encoder = make_encoder(observation_space, hidden, hidden, n_features, **made)
+        self.inverse_model = mlp(2 * n_features, hidden, hidden, self.encode_actions.size, **made)
 
     def forward(self, inputs: th.Tensor) -> th.Tensor:
         """Features (n, n_features) of inputs, as `NetworkBonus` makes them of observations."""

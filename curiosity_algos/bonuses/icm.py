@@ -13,9 +13,8 @@ import torch as th
 from gymnasium import spaces
 
 from curiosity_algos.bonuses import compiled_icm
-from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
-from curiosity_algos.bonuses.perceptron import Layers, set_gradients
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
@@ -36,9 +35,6 @@ class ICM(NetworkBonus):
     keywords are those of every bonus of networks, see `NetworkBonus`.
 
     Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: Box of A entries, which are scaled to [-1, 1] where they have bounds, or
-            Discrete.
         beta: Weight of the forward loss against the inverse loss, in [0, 1].
     """
 
@@ -53,7 +49,7 @@ class ICM(NetworkBonus):
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         check_share(beta=beta)
-        super().__init__(observation_space, **kwargs)
+        super().__init__(observation_space, action_space, **kwargs)
         self.beta = beta
         self.encode_actions = ActionEncoder(action_space)
         n_actions = self.encode_actions.size
@@ -79,11 +75,8 @@ class ICM(NetworkBonus):
         predicted = self.inverse_model(th.cat([features, next_features], dim=1))
         return self.encode_actions.error(predicted, actions)
 
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
-        """Mean losses of a batch: L_F and L_I, and what is minimized."""
-        both = self.encoder(self.inputs(th.cat([observations, next_observations])))
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
+        both = self.encoder(self.inputs(th.cat([before, after])))
         features, next_features = both.chunk(2)
         encoded = self.encode_actions(actions)
         forward_loss = self.prediction_error(features, encoded, next_features).mean()
@@ -92,13 +85,13 @@ class ICM(NetworkBonus):
         return {"loss": loss, "forward_loss": forward_loss, "inverse_loss": inverse_loss}
 
     def differentiate(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
+        self, before: th.Tensor, actions: th.Tensor, after: th.Tensor
     ) -> dict[str, float]:
         """The losses of a batch, and their gradient: by autograd, or compiled and on threads."""
         networks = self._compiled()
         if networks is None:
-            return super().differentiate(observations, actions, next_observations)
-        states = th.stack([observations, next_observations], dim=1).flatten(0, 1)
+            return super().differentiate(before, actions, after)
+        states = th.stack([before, after], dim=1).flatten(0, 1)
         losses, slopes = compiled_icm.differentiate(
             networks,
             self.inputs(states).detach().numpy(),
@@ -106,7 +99,7 @@ class ICM(NetworkBonus):
             beta=self.beta,
             pool=self.pool,
         )
-        set_gradients(self._models, slopes)
+        compiled_icm.set_gradients(self._models, slopes)
         forward_loss, inverse_loss = losses.tolist()
         loss = (1.0 - self.beta) * inverse_loss + self.beta * forward_loss
         return {"loss": loss, "forward_loss": forward_loss, "inverse_loss": inverse_loss}
@@ -119,14 +112,13 @@ class ICM(NetworkBonus):
         """The networks for compiled equations; None: they do not serve, or may be overridden."""
         if type(self) is not ICM or self.device.type != "cpu" or self.encode_actions.is_discrete:
             return None
-        layers = [each for each in map(Layers.of, self._models) if each is not None]
+        layers = [each for each in map(compiled_icm.Layers.of, self._models) if each is not None]
         return compiled_icm.Networks(*layers) if len(layers) == 3 else None
 
     @th.no_grad()
-    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
-        """Curiosity of each transition, shape (n,)."""
-        states = np.stack([observations, next_observations], axis=1)
-        return self._errors(states.reshape(-1, *observations.shape[1:]), actions, stride=2)
+    def score(self, before: Array, actions: Array, after: Array) -> Float32Array:
+        states = np.stack([before, after], axis=1)
+        return self._errors(states.reshape(-1, *before.shape[1:]), actions, stride=2)
 
     @th.no_grad()
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:

@@ -14,7 +14,6 @@ from curiosity_algos.bonuses.base import Bonus, NetworkKeywords, keyword_only
 from curiosity_algos.bonuses.disagreement import Disagreement
 from curiosity_algos.bonuses.e3b import E3B
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
-from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
@@ -96,7 +95,7 @@ def _check_fits(
         actions = np.clip([[-1.0], [1.0]], action_space.low, action_space.high).astype(np.float32)
     else:
         actions = np.array([0, action_space.n - 1])  # type: ignore[attr-defined]  # a Discrete
-    scorer = episodes_of(bonus, 2) or bonus
+    scorer = bonus.episodes(2) or bonus
     try:
         shape = np.shape(scorer.score(observations, actions, observations))
     except Exception as error:

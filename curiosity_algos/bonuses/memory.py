@@ -43,7 +43,6 @@ class FeatureMemory:
         self._rng = np.random.default_rng(seed)
 
     def __len__(self) -> int:
-        """Observations held."""
         return min(self.n_seen, len(self._kept))
 
     @property

@@ -13,9 +13,8 @@ import numpy as np
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import NetworkKeywords
+from curiosity_algos.bonuses.base import Losses, NetworkKeywords, refuse_transitions
 from curiosity_algos.bonuses.encoders import InverseFeatures
-from curiosity_algos.bonuses.episodes import refuse_transitions
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
@@ -48,8 +47,6 @@ class NGU(RND):
     Further keywords are those of `RND`.
 
     Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: As of `ICM`.
         n_neighbors: Nearest states of the episode that are asked, 1 to 63.
     """
 
@@ -68,34 +65,25 @@ class NGU(RND):
         self.n_neighbors = n_neighbors
         # Not RND's numbers once more, which would make its target's features of these.
         (seed,) = np.random.SeedSequence(self.seed).spawn(1)
-        self.encoder = InverseFeatures(
-            observation_space,
-            action_space,
-            hidden=self.hidden,
-            n_features=self.n_features,
-            generator=torch_generator(integer_seed(seed)),
-        )
+        sizes, generator = (self.hidden, self.n_features), torch_generator(integer_seed(seed))
+        self.encoder = InverseFeatures(observation_space, action_space, sizes, generator=generator)
         self.error_statistics = RunningNormalizer(1)
         self.distance_statistics = RunningNormalizer(1)
         self._begin()
 
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
         """Mean errors of a batch, of the predictor and of the inverse model, and their sum."""
-        both = self.inputs(th.cat([observations, next_observations]))
+        both = self.inputs(th.cat([before, after]))
         inverse_loss = self.encoder.loss(both, actions)
-        distillation = self.errors(next_observations).mean()
+        distillation = self.errors(after).mean()
         loss = inverse_loss + distillation
         return {"loss": loss, "inverse_loss": inverse_loss, "rnd_loss": distillation}
 
-    def update(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, float]:
+    def update(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> dict[str, float]:
         """One step of Adam on a batch, which enters the statistics; the losses before it."""
-        losses = super().update(observations, actions, next_observations)
+        losses = super().update(before, actions, after)
         with th.no_grad():
-            led_to = next_observations.to(self.device)
+            led_to = after.to(self.device)
             _take(self.errors(led_to), self.error_statistics)
             features = self.encoder(self.inputs(led_to))
             squares = th.cdist(features, features).square().fill_diagonal_(th.inf)
@@ -107,7 +95,6 @@ class NGU(RND):
     score = refuse_transitions
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
-        """Bonus (T,) of the steps of an episode among T + 1 observations."""
         features = self.features(observations)
         scores = np.empty(len(features) - 1)
         visit(features, 1, np.empty(self.n_neighbors), self.mean_distance, scores)
@@ -154,42 +141,36 @@ class Neighbors:
         self._features = np.zeros((n, 1, bonus.n_features))  # grows with the longest episode
         self._n_held = np.zeros(n, dtype=np.int64)
 
-    def score(self, observations: Array, actions: Array, next_observations: Any) -> Float32Array:
-        """Bonus (n,) of a step of each episode, which is then remembered."""
+    def score(self, before: Array, actions: Array, after: Any) -> Float32Array:
         every = np.arange(len(self._n_held))
         begin = every[self._n_held == 0]
         if len(begin):
-            self._remember(observations[begin], begin)
-        self._remember(next_observations, every)
+            self._remember(before[begin], begin)
+        self._remember(after, every)
         scores, nearest = np.empty(len(every)), np.empty(self._bonus.n_neighbors)
         mean = self._bonus.mean_distance
         for i, n in enumerate(self._n_held.tolist()):
             visit(self._features[i, :n], n - 1, nearest, mean, scores[i : i + 1])
-        return np.asarray(scores * self._bonus.ratios(next_observations), dtype=np.float32)
+        return np.asarray(scores * self._bonus.ratios(after), dtype=np.float32)
 
     def _remember(self, observations: Array, episodes: Int64Array) -> None:
-        """Take an observation of each of some episodes."""
         self._make_room(self._n_held.max() + 1)
         self._features[episodes, self._n_held[episodes]] = self._bonus.features(observations)
         self._n_held[episodes] += 1
 
     def _make_room(self, n: int) -> None:
-        """See that n features of each episode have a place."""
         n_more = max(n, 2 * self._features.shape[1]) - self._features.shape[1]
         if n > self._features.shape[1]:
             self._features = np.pad(self._features, ((0, 0), (0, n_more), (0, 0)))
 
     def end(self, dones: Mask) -> None:
-        """Forget the episodes (n,) that have ended."""
         self._n_held[dones] = 0
 
     def state_dict(self) -> dict[str, Any]:
-        """The features of what each episode has come to."""
         held = zip(self._features, self._n_held, strict=True)
         return {"features": [features[:n].copy() for features, n in held]}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
         none = np.empty((0, self._bonus.n_features))
         check_like(state, {"features": [none for _ in self._n_held]}, "episodes")
         held = state["features"]

@@ -13,8 +13,7 @@ import numpy as np
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import NetworkKeywords
-from curiosity_algos.bonuses.episodes import refuse_transitions
+from curiosity_algos.bonuses.base import NetworkKeywords, refuse_transitions
 from curiosity_algos.bonuses.rnd import RND
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.networks import RunningNormalizer
@@ -33,8 +32,6 @@ class NovelD(RND):
     Further keywords are those of `RND`.
 
     Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: Any; taken so that bonuses are made alike.
         alpha: Share of the novelty of where a step begins that is taken off, at least 0.
         beta: Lowest bonus of a first visit, at least 0.
         n_bits: 1 to 62; more tell more observations apart.
@@ -64,14 +61,13 @@ class NovelD(RND):
         self._is_exact = not np.issubdtype(observation_space.dtype, np.floating)
         # With the weights in a file: a bonus without a seed is made with others.
         directions, points = rng.normal(size=(2, n_entries, n_bits))  # each plane through a point
-        self.register_buffer("directions", th.from_numpy(directions).to(self.device))
-        offsets = th.from_numpy((directions * points).sum(axis=0))
-        self.register_buffer("offsets", offsets.to(self.device))
+        self.register_buffer("directions", th.from_numpy(directions))
+        self.register_buffer("offsets", th.from_numpy((directions * points).sum(axis=0)))
+        self._begin()
 
     score = refuse_transitions
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
-        """Bonus (T,) of the steps of an episode among T + 1 observations."""
         gains = self.gains(observations[:-1], observations[1:])
         codes = self.codes(observations, *self.standard())
         _, firsts = np.unique(codes, return_index=True)
@@ -84,12 +80,10 @@ class NovelD(RND):
         return Visits(self, n)
 
     @th.no_grad()
-    def gains(self, observations: Array, next_observations: Array) -> Float32Array:
+    def gains(self, before: Array, after: Array) -> Float32Array:
         """`max(e(s') - alpha e(s), beta)` of transitions, (n,)."""
-        before, after = (
-            self.errors(self.tensor(each)).sqrt() for each in (observations, next_observations)
-        )
-        return (after - self.alpha * before).clamp_min(self.beta).cpu().numpy()
+        begin, end = (self.errors(self.tensor(each)).sqrt() for each in (before, after))
+        return (end - self.alpha * begin).clamp_min(self.beta).cpu().numpy()
 
     def standard(self) -> tuple[Float64Array, Float64Array]:
         """Mean and scale (D,) of each entry now; D is 0 where they do not matter."""
@@ -123,21 +117,17 @@ class Visits:
         n_entries = len(bonus.standard()[0])
         self._mean, self._scale = np.zeros((n, n_entries)), np.ones((n, n_entries))
 
-    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
-        """Bonus (n,) of a step of each episode, which is then remembered."""
-        gains = self._bonus.gains(observations, next_observations)
+    def score(self, before: Array, actions: Array, after: Array) -> Float32Array:
+        gains = self._bonus.gains(before, after)
         mean, scale = self._bonus.standard()
         is_new = self._is_new(mean, scale)
         for each in np.flatnonzero(is_new):
             self._seen[each].clear()
         self._mean[is_new], self._scale[is_new] = mean, scale
-        before, after = (
-            self._bonus.codes(each, self._mean, self._scale)
-            for each in (observations, next_observations)
+        begins, ends = (
+            self._bonus.codes(each, self._mean, self._scale).tolist() for each in (before, after)
         )
-        for i, (seen, begin, end) in enumerate(
-            zip(self._seen, before.tolist(), after.tolist(), strict=True)
-        ):
+        for i, (seen, begin, end) in enumerate(zip(self._seen, begins, ends, strict=True)):
             seen.add(begin)
             gains[i] *= end not in seen
             seen.add(end)
@@ -150,12 +140,10 @@ class Visits:
         return np.array([not seen for seen in self._seen]) | (lack & has_standard)
 
     def end(self, dones: Mask) -> None:
-        """Forget the episodes (n,) that have ended."""
         for i in np.flatnonzero(dones):
             self._seen[i] = set()
 
     def state_dict(self) -> dict[str, Any]:
-        """The codes of what was seen, and how entries were standardized."""
         return {
             "seen": [np.array(sorted(codes), dtype=np.int64) for codes in self._seen],
             "mean": self._mean.copy(),
@@ -163,7 +151,6 @@ class Visits:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave; ValueError if it is of other episodes."""
         own = {**self.state_dict(), "seen": [np.empty(0, np.int64) for _ in self._seen]}
         check_like(state, own, "episodes")
         self._seen = [set(codes.tolist()) for codes in state["seen"]]

@@ -12,7 +12,7 @@ import numpy as np
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
@@ -37,8 +37,6 @@ class RAMP(NetworkBonus):
     Further keywords are those of every bonus of networks, see `NetworkBonus`.
 
     Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: Any; taken so that bonuses are made alike.
         n_newest: Observations that are now, the last ones (of more at once, some of all). Each
             gradient step looks at all of them; None: 2,048, or 256 images.
     """
@@ -57,7 +55,7 @@ class RAMP(NetworkBonus):
         n_newest: int | None = None,
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
-        super().__init__(observation_space, **kwargs)
+        super().__init__(observation_space, action_space, **kwargs)
         if n_newest is None:
             n_newest = N_NEWEST if self.images is None else N_IMAGES
         check_at_least_one(n_newest=n_newest)
@@ -83,15 +81,13 @@ class RAMP(NetworkBonus):
         self.newest[places] = kept.to(self.device, self.newest.dtype)
         self.n_observed += len(kept)
 
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
         """The distance of a batch from what is now, with what the bound of steps takes off."""
         n_newest = min(int(self.n_observed), len(self.newest))
         now = self.potentials(self.newest[:n_newest]) if n_newest else th.zeros(1)
-        before, after = self.potentials(th.cat([observations, next_observations])).chunk(2)
-        distance = now.mean() - before.mean()
-        slack = (1.0 - (after - before).square()).clamp_max(SLACK).mean()
+        begins, ends = self.potentials(th.cat([before, after])).chunk(2)
+        distance = now.mean() - begins.mean()
+        slack = (1.0 - (ends - begins).square()).clamp_max(SLACK).mean()
         multiplier = self.log_multiplier.exp()
         loss = multiplier * slack.detach() - distance - multiplier.detach() * slack
         return {"loss": loss, "distance": distance, "multiplier": multiplier}
@@ -102,8 +98,8 @@ class RAMP(NetworkBonus):
         return potentials
 
     @th.no_grad()
-    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
+    def score(self, before: Array, actions: Array, after: Array) -> Float32Array:
         """What each transition gains, shape (n,)."""
-        both = self.tensor(np.concatenate([observations, next_observations]))
-        before, after = self.potentials(both).chunk(2)
-        return (after - before).cpu().numpy()
+        both = self.tensor(np.concatenate([before, after]))
+        begins, ends = self.potentials(both).chunk(2)
+        return (ends - begins).cpu().numpy()

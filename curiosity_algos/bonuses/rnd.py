@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
+from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.common.networks import mlp
@@ -27,10 +27,6 @@ class RND(NetworkBonus):
     Both networks have two hidden layers, the predictor two more; to `normalize` is crucial for
     Burda et al., as the random network cannot adapt to the observations' scale. Further keywords
     are those of every bonus of networks, see `NetworkBonus`.
-
-    Args:
-        observation_space: As of `NetworkBonus`.
-        action_space: Any; taken so that bonuses are made alike.
     """
 
     name = "rnd"
@@ -41,7 +37,7 @@ class RND(NetworkBonus):
         action_space: spaces.Space[Any],
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
-        super().__init__(observation_space, **kwargs)
+        super().__init__(observation_space, action_space, **kwargs)
         n_features, hidden = self.n_features, self.hidden
         made = {"generator": torch_generator(self.seed)}
         self.target = make_encoder(observation_space, hidden, hidden, n_features, **made)
@@ -59,13 +55,10 @@ class RND(NetworkBonus):
         error: th.Tensor = (self.predictor(inputs) - self.target(inputs)).square().sum(dim=1)
         return error
 
-    def losses(
-        self, observations: th.Tensor, actions: th.Tensor, next_observations: th.Tensor
-    ) -> dict[str, th.Tensor]:
-        """Mean error of a batch."""
-        return {"loss": self.errors(next_observations).mean()}
+    def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
+        return {"loss": self.errors(after).mean()}
 
     @th.no_grad()
-    def score(self, observations: Array, actions: Array, next_observations: Array) -> Float32Array:
+    def score(self, before: Array, actions: Array, after: Array) -> Float32Array:
         """Novelty of where each transition leads, shape (n,)."""
-        return self.errors(self.tensor(next_observations)).cpu().numpy()
+        return self.errors(self.tensor(after)).cpu().numpy()

@@ -122,20 +122,3 @@ def sole_learner() -> Iterator[None]:
         yield
     finally:
         _LEARNS.release()
-
-
-@contextmanager
-def seeded_globally(seed: np.random.SeedSequence, device: th.device) -> Iterator[None]:
-    """Seed torch's and numpy's global generators for a block, and leave them as they were.
-
-    Raises:
-        RuntimeError: If a model learns in another thread, which would mix the draws.
-    """
-    with sole_learner():
-        before = global_state(device)
-        np.random.seed(integer_seed(seed))  # noqa: NPY002
-        th.default_generator.manual_seed(integer_seed(seed))
-        try:
-            yield
-        finally:
-            load_global_state(before, device)

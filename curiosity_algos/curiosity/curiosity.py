@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 import torch as th
 from gymnasium import spaces
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from curiosity_algos.bonuses.base import Bonus, check_scores
 from curiosity_algos.bonuses.make import FOR_ONE_POLICY, check_bonus_choice, make_bonus
-from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.arrays import Array, Float64Array
+from curiosity_algos.common.kept import Kept
 from curiosity_algos.common.networks import check_gradients, single_torch_thread
-from curiosity_algos.curiosity.scale import BonusScale
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import (
@@ -22,6 +24,59 @@ from curiosity_gym.validation import (
     check_not_negative,
     check_share,
 )
+
+EPSILON, LARGEST = 1e-8, 10.0
+"""Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""
+MEMORY = 100_000
+"""Transitions that the scale remembers: what the bonus was at first is forgotten."""
+
+
+class BonusScale:
+    """Divides by the running standard deviation of the discounted sum (Burda et al. 2018).
+
+    What enters the sums is bounded as what comes out: one bonus like no other would else set the
+    scale for as long as that remembers.
+
+    Args:
+        n_envs: Environments side by side, each with a sum of its own.
+    """
+
+    def __init__(self, n_envs: int) -> None:
+        self._sums = np.zeros(n_envs)
+        self._statistics = RunningMeanStd(shape=())
+
+    def reset(self) -> None:
+        """Begin the sums anew; the scale stays."""
+        self._sums[:] = 0.0
+
+    def learn(self, bonus: Float64Array, *, gamma: float) -> None:
+        """Take the bonus (n_envs,) of a step into the discounted sums."""
+        largest = LARGEST * self._deviation
+        self._sums = gamma * self._sums + np.clip(bonus, -largest, largest)
+        self._statistics.update(self._sums)
+        self._statistics.count = min(self._statistics.count, MEMORY)
+
+    def scaled(self, bonus: Float64Array) -> Float64Array:
+        """The bonus (n,) over the scale; bounded."""
+        return np.clip(bonus / self._deviation, -LARGEST, LARGEST)
+
+    @property
+    def _deviation(self) -> Float64Array:
+        deviation: Float64Array = np.sqrt(self._statistics.var + EPSILON)
+        return deviation
+
+    def state_dict(self) -> dict[str, Any]:
+        """Sums and statistics; the discount is a setting."""
+        seen = self._statistics
+        statistics = np.array([seen.mean, seen.var, seen.count], dtype=np.float64)
+        return {"sums": self._sums.copy(), "statistics": statistics}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave, of as many environments."""
+        mean, var, count = state["statistics"]
+        self._sums = state["sums"].copy()
+        self._statistics.mean, self._statistics.var = np.array(mean), np.array(var)
+        self._statistics.count = float(count)
 
 
 def check_interval(train_interval: int | None) -> None:
@@ -247,14 +302,5 @@ class Curiosity(HasSettings):
         self.metrics = dict(state["metrics"])
 
 
-class OfCuriosity:
-    """An attribute of a host that its `curiosity` keeps."""
-
-    def __set_name__(self, host: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, host: Any, cls: type) -> Any:
-        return self if host is None else getattr(host.curiosity, self._name)
-
-    def __set__(self, host: Any, value: Any) -> None:
-        setattr(host.curiosity, self._name, value)
+OfCuriosity = partial(Kept, "curiosity")
+"""An attribute of a host that its `curiosity` keeps."""

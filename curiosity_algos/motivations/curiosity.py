@@ -14,7 +14,6 @@ from stable_baselines3.common.preprocessing import get_action_dim
 
 from curiosity_algos.bonuses.base import Bonus, NetworkBonus, check_scores
 from curiosity_algos.bonuses.buffer import TransitionBuffer
-from curiosity_algos.bonuses.episodes import EpisodicBonus
 from curiosity_algos.bonuses.transitions import (
     EvenlySpaced,
     draw_transitions,
@@ -105,9 +104,7 @@ class CuriosityMotivation:
     Args:
         observation_space: Box of vectors or images, as of `NetworkBonus`.
         action_space: One-dimensional Box, or Discrete.
-        bonus: Gives the curiosity `c_t` of each transition: "apt", "disagreement", "e3b", "icm",
-            "ngu", "noveld", "ramp", "rnd", or a `Bonus` made for these spaces, which the
-            motivation then trains.
+        bonus: Gives the curiosity `c_t` of each transition, see `Curiosity`.
         bonus_kwargs: Keywords of a bonus that is named, see that.
         n_states: Transitions of an episode that its score looks at; None: all.
         gamma: In [0, 1]; 1 where `n_states` is a number.
@@ -187,7 +184,7 @@ class CuriosityMotivation:
     @property
     def _is_whole(self) -> bool:
         """Whether the bonus is asked for every step of an episode."""
-        return self.n_states is None or isinstance(self.bonus, EpisodicBonus)
+        return self.n_states is None or self.bonus.episodes(1) is not None
 
     def learning(self, n_individuals: int) -> dict[str, Summarizer]:
         """A summarizer for `update`, of trajectories of so many individuals; drawn now."""
@@ -195,7 +192,6 @@ class CuriosityMotivation:
         return {self._learned: draw_transitions(self._rng, n_individuals, *drawn)}
 
     def summarizers(self, n_individuals: int) -> dict[str, Summarizer]:
-        """All that is needed of the trajectories of a generation."""
         return self.scoring(n_individuals) | self.learning(n_individuals)
 
     def score(self, rollouts: Rollouts) -> Float64Array:
@@ -228,7 +224,6 @@ class CuriosityMotivation:
         self.buffer.add(*map(th.from_numpy, (before, actions, after)))
 
     def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed run needs."""
         return {
             "curiosity": self.curiosity.state_dict(),
             "buffer": self.buffer.state_dict(),

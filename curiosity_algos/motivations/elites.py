@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.bonuses.episodes import check_needs_no_episodes
+from curiosity_algos.bonuses.base import Bonus, check_needs_no_episodes
 from curiosity_algos.bonuses.transitions import draw_transitions, flat
 from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread
@@ -62,5 +61,4 @@ class EliteCuriosity:
         return {"rng": generator_state(self._rng)}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave."""
         load_generator_state(self._rng, state["rng"])

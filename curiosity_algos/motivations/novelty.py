@@ -68,7 +68,6 @@ class NoveltyArchive:
         return f"<{type(self).__name__}: {len(self):,} behaviors of {self.n_dimensions} entries>"
 
     def __len__(self) -> int:
-        """Number of behaviors added."""
         return int(self._copies.sum())
 
     def add(self, behaviors: npt.ArrayLike) -> None:
@@ -186,9 +185,7 @@ class NoveltyMotivation:
         return {"archive/size": len(self.archive)}
 
     def state_dict(self) -> dict[str, Any]:
-        """The archive."""
         return {"archive": self.archive.state_dict()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave."""
         self.archive.load_state_dict(state["archive"])

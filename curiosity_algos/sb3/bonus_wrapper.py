@@ -19,8 +19,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 from curiosity_algos.bonuses.base import Bonus, check_rewards
 from curiosity_algos.bonuses.buffer import TransitionBuffer
-from curiosity_algos.bonuses.episodes import episodes_of
-from curiosity_algos.bonuses.spans import RecentSteps
+from curiosity_algos.bonuses.transitions import RecentSteps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
@@ -126,7 +125,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         dtype = self.buffer.dtype
         self._observations: Array = np.empty((0, *shape), dtype)
         self._actions: Array = np.empty(0)
-        self._episodes = episodes_of(self.bonus, self.num_envs)
+        self._episodes = self.bonus.episodes(self.num_envs)
         horizon = self.curiosity.horizon
         self._recent = RecentSteps(self.num_envs, horizon, shape, dtype, n_actions, seed=steps_seed)
 
@@ -139,7 +138,6 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     # -- stepping -------------------------------------------------------------------------------
 
     def reset(self) -> VecEnvObs:
-        """Begin episodes in every environment."""
         self._must_reset = False
         observations = self.venv.reset()
         self._observations = self._stored(observations)
@@ -152,7 +150,6 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         return observations
 
     def step_async(self, actions: Array) -> None:
-        """Begin a step."""
         if self._must_reset:
             self.reset()
         self._actions = self._acted.seen(actions)
@@ -194,7 +191,6 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         return super().env_method(method_name, *method_args, indices=indices, **kwargs)
 
     def _stored(self, observations: VecEnvObs) -> Array:
-        """A copy, of what the bonus sees."""
         stored = np.array(self._view(observations), dtype=self._observations.dtype)
         check_observations(stored)
         return stored

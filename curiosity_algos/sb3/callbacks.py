@@ -13,7 +13,8 @@ from stable_baselines3.common.callbacks import BaseCallback, CheckpointCallback
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.common.arrays import Float64Array
-from curiosity_algos.evaluation.coverage import Coverage, coverage_grid
+from curiosity_algos.common.kept import Kept
+from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.episodes import EpisodeRecord
 from curiosity_algos.evaluation.rollouts import as_behaviors
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
@@ -33,40 +34,21 @@ class ExplorationCallback(BaseCallback):
     Attributes:
         coverage: Its `reachable` and `all` are the shares of cells in which episodes ended, its
             `visited` that of the cells in which any step ended.
+        coverage_shares: Every share that is logged under `coverage/`, by its name there.
         first_reward_timesteps: Timesteps when an episode that a Monitor saw first ended with a
             return above 0, or None: what there is to measure where a task reports no success.
         first_success_timesteps: Timesteps when an episode first succeeded, or None.
         best_return: Highest return of an episode that a Monitor saw; -inf before the first.
     """
 
+    coverage, best_return = Kept("_episodes"), Kept("_episodes")
+    coverage_shares = Kept("_episodes.coverage", "shares")
+    first_reward_timesteps = Kept("_episodes.firsts", "reward")
+    first_success_timesteps = Kept("_episodes.firsts", "success")
+
     def __init__(self, verbose: int = 0) -> None:
         super().__init__(verbose)
         self._episodes = EpisodeRecord(None)
-
-    @property
-    def coverage(self) -> Coverage:
-        """Shares of cells."""
-        return self._episodes.coverage
-
-    @property
-    def coverage_shares(self) -> dict[str, float]:
-        """Every share that is logged under `coverage/`, by its name there."""
-        return self.coverage.shares
-
-    @property
-    def first_reward_timesteps(self) -> int | None:
-        """Timesteps, or None."""
-        return self._episodes.firsts.reward
-
-    @property
-    def first_success_timesteps(self) -> int | None:
-        """Timesteps, or None."""
-        return self._episodes.firsts.success
-
-    @property
-    def best_return(self) -> float:
-        """Highest return."""
-        return self._episodes.best_return
 
     def _on_training_start(self) -> None:
         _warn_of_a_new_wrapper(self.model)

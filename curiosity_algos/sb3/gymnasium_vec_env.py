@@ -51,17 +51,6 @@ class GymnasiumVecEnv(VecEnv):
 
     Raises:
         ValueError: If it does not reset in that step.
-
-    Example:
-        ::
-
-            envs = gym.make_vec(
-                "CuriosityMaze-US-v0",
-                num_envs=64,
-                vectorization_mode="vector_entry_point",
-                autoreset_mode="SameStep",
-            )
-            PPO("MlpPolicy", VecMonitor(GymnasiumVecEnv(envs)), n_steps=256).learn(1e6)
     """
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
@@ -100,7 +89,6 @@ class GymnasiumVecEnv(VecEnv):
         return begun
 
     def step_async(self, actions: Array) -> None:
-        """Take the actions of a step."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -120,7 +108,6 @@ class GymnasiumVecEnv(VecEnv):
         return deepcopy(observations), np.asarray(rewards, dtype=np.float32), ended, rows
 
     def close(self) -> None:
-        """Close the VectorEnv."""
         self.vector_env.close()
 
     def get_images(self) -> Sequence[Array | None]:

@@ -15,9 +15,8 @@ from stable_baselines3.common.preprocessing import get_obs_shape
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples, ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos.bonuses.base import check_rewards
+from curiosity_algos.bonuses.base import check_needs_no_episodes, check_rewards
 from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
-from curiosity_algos.bonuses.episodes import check_needs_no_episodes
 from curiosity_algos.bonuses.transitions import draw_steps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
@@ -206,7 +205,6 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         )
 
     def _sampled(self, rows: Array, env: VecNormalize | None) -> th.Tensor | dict[str, th.Tensor]:
-        """Observations as SB3's policies take them."""
         normalized = self._normalize_obs(self._rows.sampled(rows), env)
         if isinstance(normalized, dict):
             return {name: self.to_torch(entry) for name, entry in normalized.items()}
@@ -238,7 +236,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
 
     def _unknown(self, drawn: Int64Array) -> Int64Array:
         """Those of the transitions that were not scored since then."""
-        return drawn[self.scored_at.take(drawn) != self.curiosity.n_trainings]
+        return np.asarray(drawn[self.scored_at.take(drawn) != self.curiosity.n_trainings])
 
     def _score(self, numbers: Int64Array) -> Array:
         """Bonus (n,) of transitions, as the module gives it."""
@@ -265,7 +263,6 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         return th.from_numpy(before), th.from_numpy(actions), th.from_numpy(after)
 
     def _transitions(self, numbers: Int64Array) -> tuple[Array, ...]:
-        """Observations, actions and next observations, as a bonus takes them."""
         return (
             self._seen(self._at("observations", numbers)),
             self._taken(self._at("actions", numbers)),
@@ -279,10 +276,9 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
 
     def _terminated(self, numbers: Int64Array) -> Mask:
         """Where the task ended an episode, no limit of time."""
-        return (self.dones.take(numbers) > 0) & (self.timeouts.take(numbers) == 0)
+        return np.asarray((self.dones.take(numbers) > 0) & (self.timeouts.take(numbers) == 0))
 
     def _seen(self, rows: Array) -> Array:
-        """Observations as the bonus sees them."""
         seen = self._view(self._rows.own(rows))
         return seen if self._shows_images else seen.astype(np.float32, copy=False)
 
@@ -304,7 +300,6 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         return np.arange(begin, begin + n * self.n_envs) % self.dones.size
 
     def _at(self, column: str, numbers: Int64Array) -> Array:
-        """What a column has of transitions."""
         rows: Array = getattr(self, column)
         return rows.reshape(-1, *rows.shape[2:])[numbers]
 

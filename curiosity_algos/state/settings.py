@@ -25,10 +25,6 @@ class HasSettings:
     _settled: Set[str] = frozenset()
     """Settings that parts were made with, after which another value would change nothing."""
 
-    @property
-    def _made_with(self) -> Set[str]:
-        return self._settled
-
     def _way_on(self, name: str) -> str:
         """How to have another value of such a setting."""
         return f"make a new {type(self).__name__}"
@@ -39,7 +35,7 @@ class HasSettings:
         Raises:
             ValueError: If it is a setting that stays, or may not have the value.
         """
-        if name in self._made_with and not _is_same(vars(self).get(name), value):
+        if name in self._settled and not _is_same(vars(self).get(name), value):
             raise ValueError(f"`{name}` must stay as it was set: {self._way_on(name)}.")
         if name in self._checks:
             self._checks[name](**{name: value})

@@ -18,7 +18,7 @@ from curiosity_algos import (
     CuriosityES,
     CuriosityMAPElites,
 )
-from curiosity_algos.bonuses.episodes import episodes_of
+from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.make import BONUSES, make_bonus
 from curiosity_algos.experiments import RunFolder, load_runs
 from curiosity_algos.experiments.run_spec import RunSpec
@@ -38,7 +38,7 @@ OBSERVATIONS = {
 CURIOUS = [CuriosityES, CuriosityMAPElites, AURORA]
 """The algorithms that train networks of their own."""
 MAZE = spaces.Box(-1, 1, (36,))
-SAMPLED = [name for name, bonus in BONUSES.items() if not hasattr(bonus, "episodes")]
+SAMPLED = [name for name, bonus in BONUSES.items() if bonus.episodes is Bonus.episodes]
 """Bonuses that ask for no episodes."""
 
 
@@ -66,7 +66,7 @@ def learn(bonus, space, n_updates=3):
 
 def scores(bonus, space):
     """What a walk is worth, as the first of an episode where that counts."""
-    return (episodes_of(bonus, 16) or bonus).score(*transitions(space, 16, seed=9))
+    return (bonus.episodes(16) or bonus).score(*transitions(space, 16, seed=9))
 
 
 def assert_same_scores(one, other, space=MAZE, **tolerances):

@@ -5,7 +5,6 @@ import pytest
 import torch as th
 from gymnasium import spaces
 
-from curiosity_algos.bonuses.episodes import episodes_of
 from curiosity_algos.bonuses.make import BONUSES
 
 FLAT = spaces.Box(-1, 1, (6,))
@@ -57,7 +56,7 @@ def make_batch(kind, n=20, seed=0):
 
 def score(bonus, batch):
     """Of each transition; as the first of an episode, where it asks for that."""
-    return (episodes_of(bonus, len(batch[0])) or bonus).score(*batch)
+    return (bonus.episodes(len(batch[0])) or bonus).score(*batch)
 
 
 def tensors(batch):
@@ -79,7 +78,7 @@ def test_scores_are_of_each_transition(name, kind):
 def test_a_trajectory_scores_like_its_pairs(name, kind):
     bonus, (before, actions, after) = make_bonus(name, kind), make_batch(kind)
     trajectory = np.concatenate([before, after[-1:]])
-    scores, scorer = [], episodes_of(bonus, 1) or bonus
+    scores, scorer = [], bonus.episodes(1) or bonus
     for i in range(len(actions)):
         step = (each[i : i + 1] for each in (trajectory[:-1], actions, trajectory[1:]))
         scores.append(scorer.score(*step)[0])
@@ -109,20 +108,6 @@ def test_training_lowers_the_loss(name, kind):
         last = bonus.update(*batch)
     assert first.keys() == last.keys()
     assert last["loss"] < 0.9 * first["loss"]
-
-
-def test_a_state_resumes_training(name, kind):
-    one, other = (make_bonus(name, kind, seed=seed) for seed in (0, 1))
-    batch = tensors(make_batch(kind))
-    one.observe(batch[0])
-    one.update(*batch)
-    other.load_state_dict(copy.deepcopy(one.state_dict()))
-    for bonus in (one, other):
-        bonus.observe(batch[2])
-        for _ in range(3):
-            bonus.update(*batch)
-    scores = [score(bonus, make_batch(kind, seed=1)) for bonus in (one, other)]
-    np.testing.assert_array_equal(*scores)
 
 
 def test_a_state_of_another_bonus_is_refused(name, kind, assert_same):

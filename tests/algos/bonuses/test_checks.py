@@ -3,21 +3,16 @@ import itertools
 
 import numpy as np
 import pytest
-import torch as th
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from curiosity_algos.bonuses import checks
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.bonuses.checks import (
     check_bonus,
-    check_wrapper,
     learn_tiny_mdp,
     tiny_mdp,
 )
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.make import BONUSES
-from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 
 
 class FrozenAtZero(ICM):
@@ -46,46 +41,8 @@ class Scripted(Bonus):
         return {}
 
 
-class PairsWithTheReset(BonusVecEnvWrapper):
-    """Takes the observation after a reset for an episode's last."""
-
-    def _last_observations(self, observations, dones, infos):
-        return observations
-
-
-class AfterTheAdvantage(BaseCallback):
-    """Adds the bonus to what a rollout has come to, too late for the steps before."""
-
-    def _on_rollout_start(self):
-        self.bonuses = []
-
-    def _on_step(self):
-        self.bonuses.append([info["reward_intrinsic"] for info in self.locals["infos"]])
-        return True
-
-    def _on_rollout_end(self):
-        buffer = self.model.rollout_buffer
-        buffer.advantages += np.array(self.bonuses, dtype=np.float32)
-        buffer.returns += np.array(self.bonuses, dtype=np.float32)
-
-
-class WithoutReward(VecEnvWrapper):
-    """Leaves the bonus in the infos alone."""
-
-    def reset(self):
-        return self.venv.reset()
-
-    def step_wait(self):
-        observations, rewards, dones, infos = self.venv.step_wait()
-        return observations, 0 * rewards, dones, infos
-
-
 def maker(bonus, **settings):
     return functools.partial(bonus, seed=0, device="cpu", **settings)
-
-
-def wrap(venv, bonus, wrapper=BonusVecEnvWrapper, **changes):
-    return wrapper(venv, bonus=bonus, device="cpu", **changes)
 
 
 class TestTinyMdp:
@@ -133,22 +90,3 @@ class TestTinyMdp:
     def test_what_a_bonus_must_come_to(self, seen, unseen, message):
         with pytest.raises(AssertionError, match=f"The bonus {message}"):
             check_bonus(lambda *spaces: Scripted(seen, unseen))
-
-
-class TestWrappers:
-    def test_ours_is_right(self):
-        before = th.get_rng_state()
-        check_wrapper(wrap)
-        assert th.equal(th.get_rng_state(), before)
-
-    def test_one_that_pays_nothing_is_told_so(self):
-        with pytest.raises(AssertionError, match="or none within 4096 transitions"):
-            check_wrapper(functools.partial(wrap, train_interval=10_000))
-
-    def test_the_observation_after_the_reset_is_found_out(self):
-        with pytest.raises(AssertionError, match="true last observation"):
-            check_wrapper(functools.partial(wrap, wrapper=PairsWithTheReset))
-
-    def test_a_bonus_after_the_advantage_is_found_out(self):
-        with pytest.raises(AssertionError, match="before advantages are computed"):
-            check_wrapper(lambda *given: WithoutReward(wrap(*given)), AfterTheAdvantage())

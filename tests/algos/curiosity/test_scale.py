@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from curiosity_algos.curiosity.scale import LARGEST, BonusScale
+from curiosity_algos.curiosity.curiosity import LARGEST, BonusScale
 
 
 def scaled(scale, bonus, gamma=0.99):
@@ -51,21 +51,9 @@ def test_one_bonus_like_no_other_hardly_moves_it(n_envs, before):
 
 
 def test_it_forgets_what_was_long_ago(monkeypatch):
-    monkeypatch.setattr("curiosity_algos.curiosity.scale.MEMORY", 100)
+    monkeypatch.setattr("curiosity_algos.curiosity.curiosity.MEMORY", 100)
     scale, fresh = BonusScale(1), BonusScale(1)
     for size, both in ((1e3, [scale]), (1.0, [scale, fresh])):
         for _ in range(2000):
             paid = [scaled(each, np.full(1, size), gamma=0.5).item() for each in both]
     assert paid[0] == pytest.approx(paid[1], rel=0.1)
-
-
-def test_it_goes_on_from_a_saved_state(assert_same):
-    scale, other = BonusScale(2), BonusScale(2)
-    for bonus in np.random.default_rng(0).random((9, 2)):
-        scale.learn(bonus, gamma=0.5)
-    other.load_state_dict(scale.state_dict())
-    for bonus in np.random.default_rng(1).random((9, 2)):
-        np.testing.assert_array_equal(*(scaled(each, bonus) for each in (scale, other)))
-    assert_same(scale.state_dict(), other.state_dict())
-    scale.reset()
-    assert not scale.state_dict()["sums"].any()

@@ -4,10 +4,8 @@ import pytest
 import torch as th
 from logs import read_log
 from stable_baselines3 import TD3
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
-from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos import TD3ICM, BonusReplayBuffer
 
@@ -78,11 +76,6 @@ class TestTraining:
         assert_same(*parameters)
 
 
-def test_curiosity_does_not_depend_on_the_unit_of_actions(make, make_pendulum, assert_same):
-    models = [make(make_pendulum(unit)).learn(400) for unit in (1, 2**10)]
-    assert_same(models[0].get_parameters(), models[1].get_parameters())
-
-
 def test_it_finds_a_goal_that_is_near(make, make_easy_maze):
     model = make(make_easy_maze(), learning_starts=2000, gradient_steps=1).learn(2000)
     assert 0 < model.first_success_timesteps <= model.num_timesteps
@@ -114,11 +107,6 @@ class TestEnvironments:
         with pytest.raises(ValueError, match="`env` must be an environment id"):
             TD3ICM(env)
 
-    def test_a_bonus_sees_observations_before_they_are_normalized(self, make, make_maze):
-        model = make(VecNormalize(make_vec_env(make_maze))).learn(120)
-        assert np.abs(model.replay_buffer.observations[:50, 0, :2]).max() <= 1.0  # of the maze
-        assert model._n_updates > 0
-
 
 def test_errors_name_the_argument(make, make_maze):
     wrong = {"weight": -1.0, "n_updates": 0, "batch_size": 0, "buffer_size": 0, "extrinsic": 1}
@@ -129,33 +117,6 @@ def test_errors_name_the_argument(make, make_maze):
             make(make_maze(), **{name: value})
     with pytest.raises(TypeError, match="unexpected keyword argument 'n_steps'"):
         make(make_maze(), n_steps=3)
-
-
-class Change(BaseCallback):
-    """Calls a function with the model, once it has trained."""
-
-    def __init__(self, change):
-        super().__init__()
-        self.change = change
-
-    def _on_rollout_start(self):
-        if self.model._n_updates:
-            self.change(self.model)
-
-    def _on_step(self):
-        return True
-
-
-class TestSettings:
-    """What callbacks change counts, and stays."""
-
-    def test_of_the_weight(self, make, make_maze):
-        def change(model):
-            model.replay_buffer.weight = 0.0
-
-        model = make(make_maze()).learn(150, Change(change))
-        assert model.replay_buffer.weight == 0.0
-        assert model.replay_buffer.sample(9).rewards.abs().max() == 0.0
 
 
 class TestBonus:

@@ -98,15 +98,6 @@ def test_features_tell_what_follows_what_and_leave_out_noise():
     assert (there - here).norm(dim=1).mean() > 3 * (elsewhere - here).norm(dim=1).mean()
 
 
-def test_a_loaded_bonus_says_the_same():
-    apt, other = make_apt(), make_apt(seed=1)
-    apt.observe(th.from_numpy(make_observations(300)))
-    visited = make_observations(seed=1)
-    assert not np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
-    other.load_state_dict(apt.state_dict())
-    assert np.array_equal(apt.score(None, None, visited), other.score(None, None, visited))
-
-
 def test_a_state_that_does_not_fit_changes_nothing(assert_same):
     apt, other = make_apt(), make_apt(memory_size=10, seed=1)
     apt.observe(th.from_numpy(make_observations(300)))

@@ -19,23 +19,6 @@ def test_other_actions_are_refused(space):
         make_bonus("rnd", {}, SPACES[0], space, seed=SEED, device="cpu")
 
 
-@pytest.mark.parametrize("name", BONUSES)
-def test_a_name_makes_a_bonus(name):
-    bonus = make_bonus(name, {"n_features": 3}, *SPACES, seed=SEED, device="cpu")
-    same = make_bonus(name, {"n_features": 3}, *SPACES, seed=SEED, device="cpu")
-    trajectory = np.eye(3, 4, dtype=np.float32), np.ones((2, 2), np.float32)
-    assert bonus.name == name
-    scores = [each.score_trajectory(*trajectory) for each in (bonus, same)]
-    np.testing.assert_array_equal(*scores)
-
-
-def test_an_object_is_taken_as_it_is():
-    bonus = make_bonus("rnd", {}, *SPACES, seed=SEED, device="cpu")
-    check_bonus_choice(bonus, {})
-    other = np.random.SeedSequence(2)
-    assert make_bonus(bonus, {}, *SPACES, seed=other, device="cpu") is bonus
-
-
 @pytest.mark.parametrize(
     ("made", "asked"),
     [

@@ -37,11 +37,3 @@ def test_the_predictor_learns_and_the_target_stays():
         assert th.equal(weights, target[name])
     for name, weights in rnd.predictor.state_dict().items():
         assert not th.equal(weights, predictor[name])
-
-
-def test_nothing_counts_but_where_a_transition_leads():
-    rnd, (before, other, after) = make_rnd(), (make_observations(seed=i) for i in range(3))
-    actions, others = np.zeros(20, dtype=np.int64), np.ones(20, dtype=np.int64)
-    scores = rnd.score(before, actions, after)
-    np.testing.assert_array_equal(rnd.score(other, others, after), scores)
-    assert not np.array_equal(rnd.score(before, actions, other), scores)

@@ -1,5 +1,3 @@
-from collections import OrderedDict
-
 import numpy as np
 import pytest
 from gymnasium import spaces
@@ -31,13 +29,6 @@ def test_all_entries_are_one_vector():
     assert view.space == spaces.flatten_space(SPACE)
     np.testing.assert_array_equal(view(together), [spaces.flatten(SPACE, row) for row in rows])
     np.testing.assert_array_equal(view.one(rows[1]), view(together)[1])
-
-
-def test_the_order_of_entries_does_not_matter():
-    mixed = spaces.Dict(OrderedDict((key, SPACE[key]) for key in ("place", "cards", "image")))
-    same = spaces.Dict(OrderedDict((key, SPACE[key]) for key in ("image", "place", "cards")))
-    _, together = observe(3)
-    np.testing.assert_array_equal(View(mixed)(together), View(same)(together))
 
 
 def test_an_entry_stands_alone():
@@ -106,12 +97,3 @@ def test_other_entries_are_refused(entries):
         View(spaces.Dict(others))
     if entries:
         assert View(spaces.Dict(others), "place").space.shape == (4,)
-
-
-def test_entries_within_entries():
-    inner = spaces.Dict(pair=spaces.Tuple([PLACE, spaces.Discrete(2)]))
-    outer = spaces.Dict(inner=inner, place=PLACE)
-    row = outer.sample()
-    np.testing.assert_array_equal(View(outer).one(row), spaces.flatten(outer, row))
-    seen = View(outer, "inner").one(row)
-    np.testing.assert_array_equal(seen, spaces.flatten(inner, row["inner"]))

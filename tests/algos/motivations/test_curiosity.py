@@ -5,7 +5,6 @@ from gymnasium import spaces
 from padded_rollouts import LENGTHS, N_OBSERVATIONS, make_rollouts, only
 from recorder import Recorder
 
-from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 
 GIVEN = {
@@ -191,22 +190,6 @@ class TestMaking:
     def test_errors_name_the_argument(self, name, value, message):
         with pytest.raises(ValueError, match=message):
             self.make(**{name: value})
-
-    @pytest.mark.parametrize("action_space", ACTIONS)
-    def test_the_parts_have_the_settings(self, action_space):
-        motivation = self.make(action_space)
-        for name in ("n_states", "gamma", "n_transitions", "n_updates", "batch_size"):
-            assert getattr(motivation, name) == GIVEN[name]
-        assert isinstance(motivation.bonus, ICM)
-        assert (motivation.bonus.beta, motivation.bonus.encode_actions.is_discrete) == (
-            0.7,
-            isinstance(action_space, spaces.Discrete),
-        )
-        assert motivation.bonus.encoder[0].weight.shape == (8, 4)
-        assert motivation.buffer.capacity == 40
-        held = motivation.buffer.state_dict()
-        assert held["observations"].shape == held["next_observations"].shape == (0, 4)
-        assert held["actions"].shape == (0, 1 if isinstance(action_space, spaces.Discrete) else 2)
 
     def test_spaces_are_enough(self):
         observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))

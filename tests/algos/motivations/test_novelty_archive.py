@@ -120,17 +120,6 @@ def test_a_state_resumes_in_every_bit(n_tail, n_more):
     assert loaded.state_dict()["n_indexed"] == archive.state_dict()["n_indexed"]
 
 
-def test_a_state_is_a_copy():
-    archive = make_archive(*random_batches(2))
-    state = archive.state_dict()
-    loaded, seen = make_archive(), np.concatenate(random_batches(2))
-    loaded.load_state_dict(state)
-    state["behaviors"] += 1.0
-    state["copies"] += 1
-    for each in (archive, loaded):
-        assert_answers(each, seen, seen, 3)
-
-
 @pytest.mark.parametrize("copies", [[1], [1, 0], [1.0, 2.0]])
 def test_a_state_of_other_copies_is_refused(copies):
     archive = make_archive(np.eye(4)[:2])

@@ -21,7 +21,6 @@ SECTIONS = {
     "control": "benchmarks.control",
     "locomotion": "benchmarks.locomotion",
     "envpool": "benchmarks.beside_envpool",
-    "processes": "benchmarks.processes",
     "learn": "benchmarks.training",
     "td3": "benchmarks.off_policy",
     "novelty": "benchmarks.novelty",

@@ -31,7 +31,6 @@ from curiosity_gym.registration import SPECS
 ROOT = Path(__file__).parents[1]
 EXTRAS = {
     "control": ["control"],
-    "processes": ["locomotion"],
     "locomotion": ["locomotion"],
     "envpool": ["control", "locomotion"],
     "cluster": ["control", "ray"],

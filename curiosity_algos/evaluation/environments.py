@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
@@ -12,24 +12,92 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv, VectorEnv, VectorWrapper
+from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
-from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
+from curiosity_algos.evaluation.flat_spaces import (
+    FlatObservations,
+    numeric,
+    stack,
+    warn_of_what_is_left_out,
+)
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
 VECTOR_KEYWORDS = {
-    "autoreset_mode",
-    "num_envs",
-    "vector_kwargs",
-    "vectorization_mode",
-    "wrappers",
+    *("autoreset_mode", "num_envs", "vector_kwargs", "vectorization_mode", "wrappers"),
 }
 """Keywords in the spec of a vector environment that a single one does not take."""
 
 EnvObject = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv
 MakeEnv = Callable[[], gym.Env[Any, Any]]
 """`make()`: a new environment each time."""
+
+
+class SingleVecEnv(DummyVecEnv):
+    """SB3's DummyVecEnv of one environment, whose spaces may be within others.
+
+    It leaves entries of a Dict that are no numbers out, with a warning.
+
+    Args:
+        env: The environment; it is put into a Monitor, unless it is in one.
+
+    Attributes:
+        played: The environment without the Monitor that this class adds.
+        others_play: Whether environments play that `set_attr` and `env_method` do not reach.
+
+    Raises:
+        ValueError: If its observations cannot become vectors, see `FlatObservations`.
+    """
+
+    others_play = False
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        self.played = env
+        env = env if is_wrapped(env, Monitor) else Monitor(env)
+        space = env.observation_space
+        FlatObservations(space)  # raises where SB3 would not say what is wrong
+        warn_of_what_is_left_out(space)
+        self.envs = [env]
+        VecEnv.__init__(self, 1, numeric(space), env.action_space)
+        self.buf_dones, self.buf_rews = np.zeros(1, dtype=np.bool_), np.zeros(1, dtype=np.float32)
+        self.buf_infos = [{}]
+        self.metadata = env.metadata
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute where the environment or its wrappers have it.
+
+        Raises:
+            AttributeError: If they have none of that name.
+            ValueError: If other environments play.
+        """
+        self._check_plays_alone("set_attr")
+        for env in self._get_target_envs(indices):
+            if not env.has_wrapper_attr(attr_name):
+                raise AttributeError(f"`env` has no attribute {attr_name!r} to set.")
+            env.set_wrapper_attr(attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the environment; raises ValueError if other environments play."""
+        self._check_plays_alone("env_method")
+        return super().env_method(method_name, *args, indices=indices, **kwargs)
+
+    def _check_plays_alone(self, method: str) -> None:
+        if self.others_play:
+            raise ValueError(
+                f"`{method}` does not reach all environments that play: pass a VecEnv of as many "
+                "as shall play, such as make_vec_env(env, n_envs=16), or change those of a "
+                "VectorEnv itself."
+            )
+
+    def _save_obs(self, env_idx: int, obs: Any) -> None:
+        self._stacked = stack(self.observation_space, [obs])
+
+    def _obs_from_buf(self) -> Any:
+        return self._stacked
 
 
 class FactoryVecEnv(SingleVecEnv):
@@ -39,12 +107,10 @@ class FactoryVecEnv(SingleVecEnv):
 
     Attributes:
         make: Makes another.
-        processes: Play others, and are closed with it.
     """
 
     def __init__(self, env: gym.Env[Any, Any], make: MakeEnv) -> None:
         self.make = make
-        self.processes: list[Any] = []
         self._beside: list[gym.Env[Any, Any]] = []
         weakref.finalize(self, _close_all, self._beside)
         super().__init__(env)
@@ -62,33 +128,27 @@ class FactoryVecEnv(SingleVecEnv):
                     "`env` must be a function that makes a new environment each time, it gave one "
                     "again."
                 )
-            self.check_files(_files(env))
+            if _files(env) & _files(self.played):
+                raise ValueError(
+                    "`env` must make no Monitors that write one file, as several environments are "
+                    "made: give each its own file, pass one environment, or record the run with "
+                    "SaveRun."
+                )
             self._beside.append(env)
         return envs[:n]
 
-    def check_files(self, others: Set[str] | None = None) -> None:
-        """Raise ValueError if a Monitor writes a file of others; None: if it writes any."""
-        own = _files(self.played)
-        if own if others is None else own & others:
-            raise ValueError(
-                "`env` must make no Monitors that write one file, as several environments are "
-                "made: give each its own file and leave `n_threads` None, pass one environment, "
-                "or record the run with SaveRun."
-            )
-
     def close(self) -> None:
         """Close the environment, and all that was made beside it."""
-        with ExitStack() as stack:
-            stack.callback(super().close)
-            stack.callback(_close_all, self._beside)
-            stack.callback(_close_all, self.processes)
+        with ExitStack() as closing_all:
+            closing_all.callback(super().close)
+            closing_all.callback(_close_all, self._beside)
 
 
-def _close_all(parts: list[Any]) -> None:
+def _close_all(envs: list[gym.Env[Any, Any]]) -> None:
     """Close them all, even if one of them raises."""
-    with ExitStack() as stack:
-        while parts:
-            stack.callback(parts.pop().close)
+    with ExitStack() as closing_all:
+        while envs:
+            closing_all.callback(envs.pop().close)
 
 
 def open_env(env: Any, **kwargs: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Chooses the evaluator that fits an environment."""
+"""Chooses the evaluator that fits an environment, or that a user asks for."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from curiosity_algos.evaluation.transparent import (
     warn_of_empty_files,
 )
 from curiosity_algos.evaluation.vector import VectorEvaluator
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_choice
 
 AnyEnv = EnvObject | MakeEnv | str
 
@@ -45,8 +45,7 @@ def make_evaluator(
             VecEnv without wrappers. Where no compiled evaluator fits, an id or a function makes as
             many environments as save time, and an environment plays alone.
         policy_kwargs: `net_arch`, widths of the hidden layers (default 32, 16).
-        n_threads: Threads of the compiled evaluators; None: as many as there are processors. Where
-            none fits an id or a function: processes; None: this one alone.
+        n_threads: Threads of the compiled evaluators; None: as many as there are processors.
 
     Raises:
         ValueError: If the env's spaces or its VecEnv wrappers are not supported, it has running
@@ -62,9 +61,60 @@ def make_evaluator(
     warn_of_empty_files(opened, is_compiled=known is not None)
     if known is None:
         played = opened if isinstance(opened, FactoryVecEnv) else inner
-        return VectorEvaluator(played, mlp, n_threads or 1)
+        return VectorEvaluator(played, mlp)
     compiled = MazeEvaluator if known.simulate is None else SimulationEvaluator
     return compiled(known, mlp, n_threads)
+
+
+def choose_evaluator(
+    choice: Evaluator | str, env: EnvObject, policy_kwargs: dict[str, Any], n_threads: int | None
+) -> Evaluator:
+    """The evaluator that the argument `evaluator` of an algorithm asks for.
+
+    Raises:
+        ValueError: If it is none, or is of other policies; as `make_evaluator`.
+    """
+    if isinstance(choice, str):
+        check_choice(("auto", "ray"), evaluator=choice)
+        if choice == "ray":
+            # Not above: few have it installed.
+            from curiosity_algos.evaluation.ray import RayEvaluator
+
+            return RayEvaluator(env, policy_kwargs)
+        return make_evaluator(env, policy_kwargs, n_threads)
+    wanted = build_mlp(*describe(env), check_policy_kwargs(policy_kwargs)).n_parameters
+    own = choice.n_parameters if isinstance(choice, Evaluator) else None
+    if own != wanted:
+        raise ValueError(
+            f'`evaluator` must be "auto", "ray" or an Evaluator ({Evaluator.__module__}) of the '
+            f"policy's {wanted} parameters, got {choice!r} of {own}."
+        )
+    if isinstance(env, FactoryVecEnv):  # whose environment it has never seen
+        env.others_play = True
+    return choice
+
+
+def follow_env(
+    evaluator: Evaluator,
+    choice: Evaluator | str,
+    env: EnvObject,
+    policy_kwargs: dict[str, Any],
+    n_threads: int | None,
+) -> Evaluator:
+    """The evaluator, or a new one if the maze, task or robot has changed since it was made.
+
+    A compiled evaluator plays the environment as it was when the evaluator was made. An evaluator
+    of the user's own stays.
+    """
+    if not isinstance(choice, str):
+        return evaluator
+    known = (evaluator.local or evaluator).known
+    now = known_task(as_played(env))
+    if now is None if known is None else known.is_same(now):
+        return evaluator
+    # It plays alone: others of its id or function lack the change.
+    played = as_played(env) if now is None else env
+    return choose_evaluator(choice, played, policy_kwargs, n_threads)
 
 
 def replay(

@@ -12,8 +12,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.evaluation.base import KnownTask
-from curiosity_algos.evaluation.environments import env_attributes, monitors
-from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
+from curiosity_algos.evaluation.environments import SingleVecEnv, env_attributes, monitors
 from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv, LocomotionVectorEnv

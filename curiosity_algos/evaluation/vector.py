@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -31,7 +30,6 @@ from curiosity_algos.evaluation.environments import (
 )
 from curiosity_algos.evaluation.flat_spaces import FlatActions, FlatObservations
 from curiosity_algos.evaluation.mlp import Mlp, act
-from curiosity_algos.evaluation.processes import Processes
 from curiosity_algos.evaluation.rollouts import (
     Rollouts,
     as_behaviors,
@@ -46,11 +44,6 @@ MAX_EPISODE_STEPS = 10_000
 """Steps after which an episode counts as endless, unless a limit of the env allows more."""
 N_ENVS = 16
 """Envs side by side, so that one call of the compiled function serves many policies."""
-HINT = (
-    "`env` is one environment, which plays one episode after the other: give its id, or a function "
-    "that makes it, and several play side by side."
-)
-LOGGER = logging.getLogger(__name__)
 
 
 class VectorEvaluator(Evaluator):
@@ -64,14 +57,13 @@ class VectorEvaluator(Evaluator):
         env: The environment. A single env plays one episode after the other, unless an id or a
             function made it: then `N_ENVS` step side by side.
         mlp: The policies' shape.
-        n_processes: Processes that play in envs of their own, if more can be made; 1: this process
-            plays. It also plays a single policy, and episodes without a seed.
 
-    Raises:
-        ValueError: If there are processes, and what makes envs cannot be sent to them.
+    Attributes:
+        make_another: Makes an evaluator like this one; None of one environment, which cannot be
+            two.
     """
 
-    def __init__(self, env: EnvObject, mlp: Mlp, n_processes: int = 1) -> None:
+    def __init__(self, env: EnvObject, mlp: Mlp) -> None:
         self._factory = env if isinstance(env, FactoryVecEnv) else None
         env = env.played if isinstance(env, FactoryVecEnv) else env
         self.mlp = mlp
@@ -82,49 +74,26 @@ class VectorEvaluator(Evaluator):
         has_goal = goal_space(env) is not None
         self._achieved = self._seen.columns("achieved_goal") if has_goal else None
         self._batch = _as_batch(env, self._seen)
-        self._hints_at_more = isinstance(env, gym.Env) and env.render_mode is None
         self.block_size = -(-BLOCK_SIZE // self._batch.n) * self._batch.n
         # Starts depend on who plays beside whom, where a vector env has one generator.
         self.batch_size = self._batch.n
         self._max_steps = most_steps(env)
         self.make_another: Callable[[], VectorEvaluator] | None = None
-        self._processes: Processes | None = None
         if self._factory is not None:
-            self._share(self._factory, n_processes)
-
-    def _share(self, factory: FactoryVecEnv, n_processes: int) -> None:
-        """Play in environments beside that of the factory."""
-        factory.others_play = True
-        self._hints_at_more = False
-        self.make_another = partial(_evaluator_of, factory.make, self.mlp, n_processes)
-        if n_processes > 1:
-            factory.check_files()
-            make_one = partial(_evaluator_of, factory.make, self.mlp, 1)
-            self._processes = Processes(make_one, n_processes)
-            factory.processes.append(self._processes)
+            self._factory.others_play = True
+            self.make_another = partial(_evaluator_of, self._factory.make, mlp)
 
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:
         """One episode of each policy (P, n_parameters), each reset with the same seed.
 
         Raises:
             ValueError: If an episode does not end, or observations are not finite.
-            RuntimeError: If the env has ended a process that played it.
         """
         parameters = check_parameters(parameters, self.n_parameters)
         n = len(parameters)
-        if self._hints_at_more and n > 1:
-            self._hints_at_more = False
-            LOGGER.warning(HINT)
-        if self._processes is not None and seed is not None and n > 1:
-            return self._processes.play(parameters, seed)
         batch = self._batch_of(n, seed)
         starts = range(0, n, batch.n)
         return concatenate([self._play(batch, parameters[i : i + batch.n], seed) for i in starts])
-
-    def close(self) -> None:
-        """Close the envs, if an id or a function made them."""
-        if self._factory is not None:
-            self._factory.close()
 
     def _batch_of(self, n_policies: int, seed: int | None) -> Batch:
         """The batch that plays so many policies; it makes envs as far as they save time."""
@@ -192,8 +161,8 @@ def most_steps(env: EnvObject) -> int:
     return max(MAX_EPISODE_STEPS, step_limit(env) or 0)
 
 
-def _evaluator_of(make: MakeEnv, mlp: Mlp, n_processes: int) -> VectorEvaluator:
-    return VectorEvaluator(FactoryVecEnv(make(), make), mlp, n_processes)
+def _evaluator_of(make: MakeEnv, mlp: Mlp) -> VectorEvaluator:
+    return VectorEvaluator(FactoryVecEnv(make(), make), mlp)
 
 
 def _as_batch(env: EnvObject, seen: FlatObservations) -> Batch:

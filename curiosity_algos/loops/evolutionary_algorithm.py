@@ -31,14 +31,22 @@ from curiosity_algos.evaluation.arguments import (
     use_python_numbers,
 )
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.evaluation.choice import choose_evaluator, follow_env
 from curiosity_algos.evaluation.coverage import behavior_space
-from curiosity_algos.evaluation.environments import GymnasiumView, describe, open_env
-from curiosity_algos.evaluation.evaluator import AnyEnv, check_policy_kwargs
+from curiosity_algos.evaluation.environments import (
+    GymnasiumView,
+    SingleVecEnv,
+    describe,
+    open_env,
+)
+from curiosity_algos.evaluation.evaluator import (
+    AnyEnv,
+    check_policy_kwargs,
+    choose_evaluator,
+    follow_env,
+)
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
-from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
 from curiosity_algos.loops.population_model import PopulationModel
 from curiosity_algos.loops.progress_bar import ProgressBar
 from curiosity_gym.validation import check_at_least_one
@@ -69,9 +77,8 @@ class EvolutionaryAlgorithm(PopulationModel):
             on every processor of a Ray cluster, see `RayEvaluator`; or an `Evaluator` for as many
             parameters as the policy has. `set_env` keeps one that was given, where it fits; `load`
             takes it again.
-        n_threads: Threads of the compiled parts; None: as many as there are processors. Of an
-            environment that has none, and that an id or a function makes: processes; None: this one
-            alone. Results do not depend on it.
+        n_threads: Threads of the compiled parts; None: as many as there are processors. Results do
+            not depend on it.
         seed: Seed of everything random; None: fresh entropy.
         device: Device of the bonus' networks, as in SB3; policies are evaluated on the CPU.
         verbose: 0: silent, 1: a table at each log, 2: SB3's debug messages too.

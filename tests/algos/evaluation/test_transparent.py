@@ -4,8 +4,7 @@ from gymnasium import wrappers
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from curiosity_algos.evaluation.environments import GymnasiumView
-from curiosity_algos.evaluation.single_vec_env import SingleVecEnv
+from curiosity_algos.evaluation.environments import GymnasiumView, SingleVecEnv
 from curiosity_algos.evaluation.transparent import as_played, known_task, max_steps
 from curiosity_gym.maze.maze_env import MazeEnv, MazeVectorEnv
 

@@ -16,12 +16,12 @@ from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
 from curiosity_algos.archives.fields import (
     COMMON,
     Batch,
+    behaviors_of,
     check_batch,
     check_elites,
     describe,
     describe_for_search,
     described_by,
-    nearest_elite,
 )
 from curiosity_algos.archives.verify import Verification, verify
 from curiosity_algos.common.arrays import Array, Int64Array
@@ -98,9 +98,9 @@ class EliteArchive(ArchiveBase):
         """The field "index" of the elites in these slots."""
 
     @property
-    @abstractmethod
     def settings(self) -> dict[str, Any]:
-        """Keywords of this kind of archive, as JSON can hold them; those of any are not named."""
+        """Keywords that decide who is kept and what the elites score, as JSON can hold them."""
+        return {"qd_score_offset": self.qd_score_offset}
 
     @property
     @abstractmethod
@@ -245,7 +245,15 @@ class EliteArchive(ArchiveBase):
         Raises:
             ValueError: If `behavior` is not finite of that shape, or there are no elites.
         """
-        nearest = nearest_elite(self, behavior)
+        behaviors, wanted = behaviors_of(self), np.asarray(behavior, dtype=np.float64)
+        if wanted.shape != behaviors.shape[1:] or not np.isfinite(wanted).all() or not wanted.size:
+            shape = behaviors.shape[1:]
+            raise ValueError(
+                f"`niche` must be a finite behavior of shape {shape}, got {behavior!r}."
+            )
+        if self.empty:
+            raise ValueError("`niche` needs an archive with elites: learn first.")
+        nearest = np.argmin(np.sum((behaviors - wanted) ** 2, axis=1))
         solution: Array = self._column("solution")[nearest].copy()
         return solution
 
@@ -271,7 +279,6 @@ class EliteArchive(ArchiveBase):
             "solution_dim": fields["solution"][0][0],
             "solution_dtype": fields["solution"][1].name,
             "extra_fields": extra,
-            "qd_score_offset": self.qd_score_offset,
             "net_arch": self.net_arch,
             **self.settings,
         }

@@ -85,19 +85,6 @@ def check_elites(elites: Batch, known: Description) -> None:
     check_batch(found, {name: elites[name] for name in found})
 
 
-def nearest_elite(archive: Any, behavior: npt.ArrayLike) -> int:
-    """Position of the elite whose behavior is nearest to (B,); ValueError where none can be."""
-    behaviors = behaviors_of(archive)
-    wanted = np.asarray(behavior, dtype=np.float64)
-    if wanted.shape != behaviors.shape[1:] or not np.isfinite(wanted).all() or not wanted.size:
-        raise ValueError(
-            f"`niche` must be a finite behavior of shape {behaviors.shape[1:]}, got {behavior!r}."
-        )
-    if not len(behaviors):
-        raise ValueError("`niche` needs an archive with elites: learn first.")
-    return int(np.argmin(np.sum((behaviors - wanted) ** 2, axis=1)))
-
-
 def behaviors_of(archive: Any) -> Float64Array:
     """(n, B): the behaviors of an archive's elites, the measures unless "behavior" is kept."""
     name = "behavior" if "behavior" in archive.field_list else "measures"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from ribs.archives import GridArchive
+from ribs.archives import CVTArchive, GridArchive
 
 from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from curiosity_algos.archives.base import EliteArchive
-    from curiosity_algos.archives.pyribs import PyribsArchive
 
 Cells = tuple[Float64Array, Float64Array, Float64Array]
 """Values (nx, ny), and the cells' edges along x (nx + 1,) and y (ny + 1,)."""
@@ -31,7 +30,7 @@ DEFAULT_CELLS = 50
 
 
 def plot_archive(
-    archive: EliteArchive | PyribsArchive,
+    archive: EliteArchive | GridArchive | CVTArchive,
     layout: MazeLayout | None = None,
     *,
     by: str = "objective",

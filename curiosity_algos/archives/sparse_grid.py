@@ -117,9 +117,9 @@ class SparseGridArchive(EliteArchive):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """`dims` and `ranges`."""
+        """`dims`, `ranges` and `qd_score_offset`."""
         bounds = np.stack([self.lower_bounds, self.upper_bounds], axis=1)
-        return {"dims": self.dims.tolist(), "ranges": bounds.tolist()}
+        return {**super().settings, "dims": self.dims.tolist(), "ranges": bounds.tolist()}
 
 
 def _first_best(cells: Int64Array, objective: Float64Array, candidates: Int64Array) -> Int64Array:

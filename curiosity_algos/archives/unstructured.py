@@ -155,8 +155,9 @@ class UnstructuredArchive(EliteArchive):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """`measure_dim`, `target_size` and `k_neighbors`."""
+        """`measure_dim`, `target_size`, `k_neighbors` and `qd_score_offset`."""
         return {
+            **super().settings,
             "measure_dim": int(self.measure_dim),
             "target_size": self.target_size,
             "k_neighbors": self.k_neighbors,

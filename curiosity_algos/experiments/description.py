@@ -159,9 +159,7 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
         own["evaluator"] = local
     archive = getattr(model, "_own_archive", None)
     if archive is not None:
-        from curiosity_algos.archives.pyribs import archive_part  # as below
-
-        own["archive"] = {type(archive).__name__: archive_part(archive).settings}
+        own["archive"] = {type(archive).__name__: archive.settings}
     settings = _arguments(model, vars(model) | own)
     buffer = getattr(model, "replay_buffer", None)
     if isinstance(buffer, BonusReplayBuffer):  # callbacks may have changed its settings
@@ -173,11 +171,7 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
 def describe_archive(model: BaseAlgorithm) -> dict[str, Any] | None:
     """The archive that keeps a model's elites, by its class; None of an algorithm without one."""
     archive = getattr(model, "archive", None)
-    if archive is None:
-        return None
-    from curiosity_algos.archives.pyribs import archive_settings  # with pyribs, a second of imports
-
-    return {type(archive).__name__: archive_settings(archive)}
+    return None if archive is None else {type(archive).__name__: archive.settings}
 
 
 def _arguments(thing: object, attributes: Mapping[str, Any]) -> dict[str, Any]:

@@ -82,12 +82,8 @@ def settings_for_file(model: Any) -> dict[str, Any]:
 def _kind(name: str, value: Any) -> str:
     """What an object is that no file holds, of an archive with its settings."""
     kind = (value if isinstance(value, type) else type(value)).__qualname__
-    if name != "archive":
-        return kind
-    # Not above: it imports pyribs, and most algorithms need none of it.
-    from curiosity_algos.archives.pyribs import archive_settings
-
-    return f"{kind} {json.dumps(archive_settings(value))}"
+    is_archive = name == "archive" and hasattr(value, "settings")
+    return f"{kind} {json.dumps(value.settings)}" if is_archive else kind
 
 
 def _fits_json(value: Any) -> bool:

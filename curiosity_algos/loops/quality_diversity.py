@@ -14,7 +14,6 @@ from ribs.schedulers import Scheduler
 
 from curiosity_algos.archives.base import EliteArchive
 from curiosity_algos.archives.history import ArchiveHistory
-from curiosity_algos.archives.pyribs import PyribsArchive, archive_part
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.randomness import integer_seed
@@ -49,12 +48,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
             and may be left out; the default counts as left out there.
         sigma: Standard deviation of mutations, above 0; `emitters` have their own.
         archive: Keeps the elites, instead of the algorithm's own archive: one of
-            `curiosity_algos.archives`, or, but for NSLC and AURORA, a `GridArchive` or `CVTArchive`
-            of pyribs, whose `solution_dim` and `measure_dim` are the algorithm's.
-            Elites that it holds are where the search begins. An empty one is made to keep what the
-            algorithm keeps of each elite. Its draws follow the `seed` of the last model that took
-            it. `set_env` empties it where behaviors are others, as in another maze: `save` it
-            before. `load` takes it again.
+            `curiosity_algos.archives`, whose `solution_dim` and `measure_dim` are the algorithm's;
+            for NSLC and AURORA one without cells. The search begins with its elites. An empty one
+            is made to keep what the algorithm keeps of each elite. Its draws follow the `seed` of
+            the last model that took it. `set_env` empties it where behaviors are others, as in
+            another maze: `save` it before. `load` takes it again.
         emitters: A function of the archive, the parameters to begin at (n_parameters,) and a seed,
             a whole number, that returns a list of pyribs' emitters on that archive: they emit the
             policies, instead of the algorithm's own emitter with its settings. `load` takes it
@@ -70,12 +68,12 @@ class QualityDiversity(EvolutionaryAlgorithm):
     """
 
     archive: Any = setting(None, settled=True)
-    archive_class: ClassVar[Any] = EliteArchive | PyribsArchive
+    archive_class: ClassVar[type[EliteArchive]] = EliteArchive
     """Archives that the algorithm can work on."""
     population_size: int = setting(POPULATION_SIZE, check_at_least_one, idle_with="emitters")
     sigma: float = setting(0.3, check_positive, idle_with="emitters")
     emitters: MakeEmitters | None = setting(None, settled=True)
-    _own_archive: EliteArchive | PyribsArchive | None
+    _own_archive: EliteArchive | None
 
     @abstractmethod
     def _make_archive(self, seed: np.random.SeedSequence) -> EliteArchive:
@@ -134,10 +132,9 @@ class QualityDiversity(EvolutionaryAlgorithm):
     def _check_settings(self) -> None:
         super()._check_settings()
         if not isinstance(self._own_archive, self.archive_class | None):
-            kinds = getattr(self.archive_class, "__args__", (self.archive_class,))
             raise ValueError(
-                f"`archive` must be of the class {' or '.join(kind.__name__ for kind in kinds)}, "
-                f"got {type(self._own_archive).__name__}."
+                f"`archive` must be of the class {self.archive_class.__name__}, got "
+                f"{type(self._own_archive).__name__}."
             )
         self._check_behaviors(self._behavior_space)
 
@@ -179,18 +176,15 @@ class QualityDiversity(EvolutionaryAlgorithm):
         self.history = ArchiveHistory()
         self._emitters = self._make_emitters(x0.astype(np.float32), integer_seed(emitter_seed))
 
-    def _prepare_own(
-        self, archive: EliteArchive | PyribsArchive, seed: np.random.SeedSequence
-    ) -> None:
+    def _prepare_own(self, archive: EliteArchive, seed: np.random.SeedSequence) -> None:
         """Make the user's archive keep policies of this search."""
         n_parameters, net_arch = self.policy.mlp.n_parameters, self.policy.net_arch
-        part = archive_part(archive)
-        if archive.solution_dim != n_parameters or part.net_arch not in (None, net_arch):
+        if archive.solution_dim != n_parameters or archive.net_arch not in (None, net_arch):
             raise ValueError(
                 f"`archive` must hold policies of {n_parameters} parameters with the hidden layers "
-                f"{net_arch}, got {archive.solution_dim} and {part.net_arch}."
+                f"{net_arch}, got {archive.solution_dim} and {archive.net_arch}."
             )
-        part.prepare(self._field_types(), net_arch, seed)
+        archive.prepare(self._field_types(), net_arch, seed)
 
     def _make_emitters(self, x0: Float32Array, seed: int) -> Emitters:
         """The algorithm's own emitter, or those of the user's function."""
@@ -250,7 +244,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     def _parts(self) -> dict[str, Any]:
         return {
-            "archive": archive_part(self.archive),
+            "archive": self.archive,
             **super()._parts(),
             "history": self.history,
             "emitters": self._emitters,
@@ -277,7 +271,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """
         if niche is None:
             return super().predict(observation, state, episode_start, deterministic)
-        elite = archive_part(self.archive).nearest(niche)
+        elite = self.archive.nearest(niche)
         acting = self.policy.vector.copy()
         self.policy.vector[:] = elite
         try:

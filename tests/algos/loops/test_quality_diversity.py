@@ -6,6 +6,7 @@ import re
 import gymnasium as gym
 import numpy as np
 import pytest
+from ribs.archives import GridArchive
 from ribs.emitters import (
     EvolutionStrategyEmitter,
     GaussianEmitter,
@@ -396,11 +397,20 @@ class TestArchive:
         full.add(np.zeros((1, n)), [1.0], np.zeros((1, 4)))
         self.refuse("keep the extra fields seed int64 ()", make_model, make_maze, full)
 
-    @pytest.mark.parametrize("algorithm", [NSLC, AURORA])
-    def test_of_some_algorithms_it_has_no_cells(self, algorithm, make_model, make_maze):
-        grid = SparseGridArchive(solution_dim=5, dims=[2], ranges=[(0.0, 1.0)])
-        with pytest.raises(ValueError, match=r"^`archive` must be of the class Unstructured"):
-            make_model(algorithm, make_maze(), archive=grid)
+    @pytest.mark.parametrize(
+        ("algorithm", "kind", "wanted"),
+        [
+            (NSLC, SparseGridArchive, "Unstructured"),
+            (AURORA, SparseGridArchive, "Unstructured"),
+            (MAPElites, GridArchive, "Elite"),
+        ],
+    )
+    def test_it_is_of_this_package_and_of_some_algorithms_without_cells(
+        self, algorithm, kind, wanted, make_model, make_maze
+    ):
+        own = kind(solution_dim=5, dims=[2], ranges=[(0.0, 1.0)])
+        with pytest.raises(ValueError, match=f"^`archive` must be of the class {wanted}Archive"):
+            make_model(algorithm, make_maze(), archive=own)
 
     def test_an_env_of_other_behaviors_leaves_it(self, make_model):
         one = pendulum(2)

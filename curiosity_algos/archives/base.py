@@ -13,34 +13,33 @@ import numpy as np
 import numpy.typing as npt
 from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
 
-from curiosity_algos.archives.fields import (
-    COMMON,
-    Batch,
-    behaviors_of,
-    check_batch,
-    check_elites,
-    describe,
-    describe_for_search,
-    described_by,
-)
-from curiosity_algos.archives.verify import Verification, verify
+from curiosity_algos.archives.verify import Verification, behaviors_of, verify
 from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
-from curiosity_algos.state.check import check_like
+from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.file import read, save
 from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 NOT_ADDED, IMPROVED, NEW = 0, 1, 2
 """Statuses of an insertion, as pyribs numbers them."""
 FIRST_CAPACITY = 64
+Batch = dict[str, Array]
+"""Arrays (n, ...) by the names of fields."""
+Description = dict[str, tuple[tuple[int, ...], np.dtype[Any]]]
+"""Shape and type of each field of an elite."""
+
+COMMON = {"solution", "objective", "measures"}
+"""Fields that every archive is given of its elites; it adds "index" itself."""
+FINITE = {*COMMON, "behavior"}
+"""The policies, and what they are compared by."""
 
 
 class EliteArchive(ArchiveBase):
     """Elites in arrays that grow with their number, behind the interface of pyribs' archives.
 
-    pyribs' emitters and schedulers work on it unchanged. A subclass says which elites a batch
-    replaces (`_insert`), and what tells elites apart (`_identities`).
+    A subclass says which elites a batch replaces (`_insert`), and what tells elites apart
+    (`_identities`).
 
     Args:
         solution_dim: Length of a parameter vector.
@@ -49,10 +48,8 @@ class EliteArchive(ArchiveBase):
         seed: Of `sample_elites`.
         solution_dtype: Of the solutions; objectives and measures are float64.
         extra_fields: Name: (shape, dtype) of what is kept of each elite beside solution, objective
-            and measures. "seed" (the episode's) is what `verify` resets with, and "behavior" what
-            it compares where the measures are something else.
-        net_arch: Hidden layers of the policies that the solutions are, for `verify`; None: the
-            default ones.
+            and measures. `verify` resets with "seed", and compares "behavior" where there is one.
+        net_arch: Hidden layers of the policies, for `verify`; None: the default ones.
 
     Raises:
         ValueError: If an argument is out of its range, or `extra_fields` are no such fields.
@@ -151,10 +148,7 @@ class EliteArchive(ArchiveBase):
 
     @property
     def best_elite(self) -> dict[str, Any] | None:
-        """The elite of the highest objective; None where there is none.
-
-        Of equals it is of the batch that came first, and after `load` the first in `data`.
-        """
+        """The elite of the highest objective, of equals the first; None where there is none."""
         return None if self.empty else self._elite(self._best_slot)
 
     def add(
@@ -187,12 +181,9 @@ class EliteArchive(ArchiveBase):
     ) -> Any:
         """The elites, in the order in which their places were first taken.
 
-        What came in one batch is in the order of a grid's cells.
-
         Args:
             fields: A name: that array; several, or None for all: a dictionary of arrays.
-            return_type: "dict", "tuple" or "pandas" for another container; a table of pandas holds
-                no fields of matrices.
+            return_type: "dict", "tuple" or "pandas", a table without fields of matrices.
 
         Raises:
             ValueError: If there is no such field or return type.
@@ -229,8 +220,7 @@ class EliteArchive(ArchiveBase):
     ) -> None:
         """Serve a search that keeps these fields of policies with these hidden layers.
 
-        An empty archive takes over the fields that it lacks; ValueError if it has others. `seed` is
-        that of `sample_elites` from now on.
+        An empty archive takes over the fields that it lacks; ValueError if it has others.
         """
         known, is_empty = self._description, self.empty
         self._description = describe_for_search(known, extra_fields, is_empty=is_empty)
@@ -262,9 +252,7 @@ class EliteArchive(ArchiveBase):
         return verify(self, env, n_threads)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write all elites to one `.npz`, see `curiosity_algos.state.file`.
-
-        `numpy.load(path)` gives the arrays of `data`, row i of each being elite i.
+        """Write all elites to one `.npz`: `numpy.load(path)` gives the arrays of `data`.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
@@ -371,3 +359,65 @@ class EliteArchive(ArchiveBase):
 def _npz(path: str | os.PathLike[str]) -> Path:
     """`path`, with the suffix `.npz` where it has none."""
     return Path(path) if Path(path).suffix else Path(path).with_suffix(".npz")
+
+
+def describe(extra_fields: Mapping[str, tuple[Any, Any]]) -> Description:
+    """Extra fields as an archive keeps them; ValueError unless it and its file can have them."""
+    try:
+        fields: Any = ArrayStore(dict(extra_fields), 0).field_desc
+        if COMMON & fields.keys() or any(dtype.kind not in "biuf" for _, dtype in fields.values()):
+            raise ValueError
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ValueError(
+            "`extra_fields` must hold name: (shape, dtype) of numbers, beside solution, objective, "
+            f"measures and index, got {extra_fields!r:.200}."
+        ) from error
+    return dict(fields)
+
+
+def described_by(elites: Batch) -> Description:
+    """The fields of elites, but for "index"."""
+    return {k: (array.shape[1:], array.dtype) for k, array in elites.items() if k != "index"}
+
+
+def describe_for_search(
+    known: Description, extra_fields: Mapping[str, tuple[Any, Any]], *, is_empty: bool
+) -> Description:
+    """The fields of an archive that is to serve a search, which keeps some extra fields.
+
+    An empty archive takes over those that it lacks; ValueError where it has others.
+    """
+    fields = describe(extra_fields)
+    common = {name: field for name, field in known.items() if name in {*COMMON, "threshold"}}
+    wanted = common | fields
+    if not (known.keys() <= wanted.keys() if is_empty else known == wanted):
+        described = ", ".join(f"{name} {dtype} {shape}" for name, (shape, dtype) in fields.items())
+        raise ValueError(
+            f"`archive` must keep the extra fields {described} of each elite; an empty one without "
+            "extra fields is given them."
+        )
+    return wanted
+
+
+def check_batch(description: Description, batch: Mapping[str, npt.ArrayLike]) -> Batch:
+    """The arrays of a batch of n solutions; ValueError for fields that are not as described."""
+    check_keys(batch, description, "batch")
+    data = {name: np.asarray(batch[name], dtype) for name, (_, dtype) in description.items()}
+    n = len(np.atleast_1d(data["solution"]))
+    for name, (shape, _) in description.items():
+        wanted = (n, *shape)
+        if data[name].shape != wanted:
+            raise ValueError(f"`{name}` must be of shape {wanted}, got {data[name].shape}.")
+        if name in FINITE and not np.isfinite(data[name]).all():
+            raise ValueError(f"`{name}` must be finite.")
+    return data
+
+
+def check_elites(elites: Batch, known: Description) -> None:
+    """Raise ValueError unless elites of a file, with "index", are such as an archive keeps."""
+    check_keys(elites, [*known, "index"], "elites")
+    found = described_by(elites)
+    for name in COMMON:
+        if found[name][0] != known[name][0]:
+            raise ValueError(f"`{name}` must be of shape {known[name][0]}, got {found[name][0]}.")
+    check_batch(found, {name: elites[name] for name in found})

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from ribs.archives import CVTArchive, GridArchive
 
-from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.archives.verify import behaviors_of
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
@@ -43,15 +43,13 @@ def plot_archive(
 
     Args:
         archive: Holds the elites, one of pyribs' too; it may be empty.
-        layout: The maze whose walls are drawn. Cells that are not the archive's own span its width
-            and height, and elites outside are left out; without it they span the elites' range.
-        by: "objective": the best objective of the elites in a cell, whatever their other
-            dimensions; "elites": how many they are.
+        layout: The maze whose walls are drawn, and which cells span that are not the archive's own;
+            without it they span the elites' range.
+        by: "objective": the best objective in a cell; "elites": how many there are.
         dimensions: Which entries of the behavior are x and y.
-        behavior_names: A name for each entry of the behavior, such as the environment's
-            `behavior_names`. None: "x" and "y" in a maze, else "behavior 1" and so on.
-        n_cells: Cells along each of the two. None: those of the archive, with its own bounds, where
-            it is a grid; else 50.
+        behavior_names: A name for each entry of the behavior. None: "x" and "y" in a maze, else
+            "behavior 1" and so on.
+        n_cells: Cells along each of the two. None: those of a grid, else 50.
         ax: Axes to draw on; new ones by default.
 
     Returns:

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, EliteArchive
-from curiosity_algos.archives.fields import Batch
+from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, Batch, EliteArchive
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_gym.validation import check_at_least_one
 
@@ -56,7 +55,6 @@ class SparseGridArchive(EliteArchive):
 
     def _begin(self) -> None:
         super()._begin()
-        self._cells: list[int] = []  # of each slot
         self._slots: dict[int, int] = {}  # of each cell that is taken
 
     @property
@@ -95,25 +93,19 @@ class SparseGridArchive(EliteArchive):
         value = objective - np.where(is_taken, before, 0.0)
         winners = _first_best(cells, objective, np.flatnonzero(is_better))
         if len(winners):
-            slots = np.array([self._slot(int(cell)) for cell in cells[winners]])
+            taken = self._slots
+            slots = np.array([taken.setdefault(int(cell), len(taken)) for cell in cells[winners]])
             self._write(slots, {name: array[winners] for name, array in data.items()})
         return {"status": status, "value": value}
 
-    def _slot(self, cell: int) -> int:
-        if cell not in self._slots:
-            self._slots[cell] = len(self._cells)
-            self._cells.append(cell)
-        return self._slots[cell]
-
     def _identities(self, slots: Int64Array) -> Int64Array:
-        return np.array([self._cells[slot] for slot in slots], dtype=np.int64)
+        return self.index_of(self._column("measures")[slots])
 
     def _put(self, data: Mapping[str, Array]) -> None:
         if not np.array_equal(self.index_of(data["measures"]), data["index"]):
             raise ValueError("The elites must be of the same grid, they lie in cells of another.")
         super()._put(data)
-        self._cells = data["index"].tolist()
-        self._slots = {cell: slot for slot, cell in enumerate(self._cells)}
+        self._slots = {cell: slot for slot, cell in enumerate(data["index"].tolist())}
 
     @property
     def settings(self) -> dict[str, Any]:

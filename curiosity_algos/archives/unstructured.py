@@ -1,8 +1,4 @@
-"""An archive without cells: elites keep a distance that adapts to hold their number.
-
-For behaviors that no grid can number, such as a learned latent space (Cully 2019, AURORA; the size
-control has the aim of Grillotti & Cully 2022, by other means) or a whole state (NSLC).
-"""
+"""An archive without cells: elites keep a distance that adapts to hold their number."""
 
 from __future__ import annotations
 
@@ -12,8 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, EliteArchive
-from curiosity_algos.archives.fields import Batch
+from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED, Batch, EliteArchive
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.common.neighbors import ClosestPairs, check_points, nearest_others
 from curiosity_gym.validation import check_at_least_one, check_not_negative
@@ -27,20 +22,18 @@ class UnstructuredArchive(EliteArchive):
 
     What beats the nearest takes its place, even where that is nearer than `threshold` to another.
 
-    Until there are `target_size` elites the threshold is as given. Whenever they come to a tenth
-    more, the closest pairs lose their worse half until `target_size` are left, and the threshold
-    becomes the smallest distance that is left.
+    Whenever there are a tenth more than `target_size` elites, the closest pairs lose their worse
+    half until `target_size` are left, and the threshold becomes the smallest distance between them.
 
-    Measures are below 1e150 in size: the squares of larger ones overflow. Further keywords are
-    those of every archive, see `EliteArchive`.
+    Measures are below 1e150 in size. Further keywords are those of every archive, see
+    `EliteArchive`.
 
     Args:
         measure_dim: See `EliteArchive`.
         target_size: Elites held, within 10 % once there are so many.
         k_neighbors: Neighbors that count for `novelty` and `local_competition`; None: `add` tells
             neither.
-        threshold: Of the first elites; 0 after `clear`, and after `set_measures` while there are
-            fewer than `target_size`.
+        threshold: Of the first elites.
 
     Attributes:
         threshold: Smallest distance from all elites that makes a solution new.

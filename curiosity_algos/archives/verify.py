@@ -1,8 +1,4 @@
-"""Do elites reproduce? Plays each again and compares with what the archive keeps of it.
-
-Stored elites that do not do again what they were kept for are a known trouble of the field
-(pyribs#109, QDax#186): a noisy environment, another version of it, or a descriptor overwritten.
-"""
+"""Do elites reproduce? Plays each again and compares with what the archive keeps of it."""
 
 from __future__ import annotations
 
@@ -13,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.common.arrays import Float64Array, Int64Array
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.environments import open_env
@@ -65,13 +60,12 @@ def verify(
 
 
 def _verify(archive: Any, evaluator: Evaluator) -> Verification:
-    n_parameters, n_own = evaluator.n_parameters, archive.solution_dim
-    if n_parameters != n_own:
-        message = f"policies of {n_parameters} parameters, the archive's have {n_own}."
-        raise ValueError(f"`env` asks for {message}")
-    elites = archive.data()
-    n = len(archive)
-    kept = behaviors_of(archive)
+    if evaluator.n_parameters != archive.solution_dim:
+        raise ValueError(
+            f"`env` asks for policies of {evaluator.n_parameters} parameters, the archive's have "
+            f"{archive.solution_dim}."
+        )
+    elites, kept = archive.data(), behaviors_of(archive)
     objective, behaviors = np.empty_like(elites["objective"]), np.empty_like(kept)
     for indices, rollouts in replay(evaluator, elites["solution"], elites.get("seed")):
         if rollouts.behaviors.shape[1:] != kept.shape[1:]:
@@ -81,5 +75,12 @@ def _verify(archive: Any, evaluator: Evaluator) -> Verification:
             )
         objective[indices], behaviors[indices] = rollouts.returns, rollouts.behaviors
     is_same = (objective == elites["objective"]) & (behaviors == kept).all(axis=1)
-    share = float(is_same.mean()) if n else 1.0
+    share = float(is_same.mean()) if len(is_same) else 1.0
     return Verification(share, np.flatnonzero(~is_same), objective, behaviors)
+
+
+def behaviors_of(archive: Any) -> Float64Array:
+    """(n, B): the behaviors of an archive's elites, the measures unless "behavior" is kept."""
+    name = "behavior" if "behavior" in archive.field_list else "measures"
+    behaviors: Float64Array = archive.data(name)
+    return behaviors

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from saved_files import through_a_file
 
-from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.archives.verify import behaviors_of
 
 EXTRA = {"seed": ((), np.int64), "behavior": ((3,), np.float32), "solved": ((), np.bool_)}
 

@@ -24,14 +24,12 @@ from curiosity_gym.validation import check_at_least_one, check_positive, check_s
 class AURORA(QualityDiversity):
     """Mutates elites that lie apart in what an autoencoder makes of their trajectories.
 
-    The archive keeps its size by a rule of ours: elites are as far apart as the closest pairs that
-    were left when it was last thinned out, see `UnstructuredArchive`. Grillotti & Cully steer that
-    distance by the number of elites instead.
+    The archive keeps its size by a rule of ours, see `UnstructuredArchive`. Grillotti & Cully steer
+    the distance by the number of elites instead.
 
     The autoencoder is trained on the archive and the generation: in the first generation, after
     `training_interval` generations, and whenever their number has doubled since. After each
-    training all elites are encoded anew. So an `archive` must be empty at the beginning: an earlier
-    run's elites have their places from another autoencoder.
+    training all elites are encoded anew. So an `archive` must be empty at the beginning.
 
     Further keywords are those of algorithms with an archive, see `QualityDiversity`, and of every
     algorithm, see `EvolutionaryAlgorithm`.
@@ -40,8 +38,7 @@ class AURORA(QualityDiversity):
         latent_size: Dimensions of the learned behavior space.
         trajectory_share: Share of a trajectory's states, evenly spaced, that the autoencoder sees;
             the number is that of the first generation's longest episode.
-        archive_size: Elites held, within 10 %: a distance between them adapts; an `archive` holds
-            its `target_size` instead. Each is held with the states that the autoencoder sees.
+        archive_size: Elites held, within 10 %; an `archive` holds its `target_size` instead.
         training_interval: Generations between two trainings at first, see above.
         n_epochs: Passes over the data in a training.
         ae_learning_rate: Adam's learning rate in the autoencoder.
@@ -57,6 +54,9 @@ class AURORA(QualityDiversity):
     n_epochs: int = setting(10, check_at_least_one, part="_encoder")
     ae_learning_rate: float = setting(1e-3, check_positive)
     batch_size: int = setting(64, check_at_least_one, part="_encoder")
+    _progress = (*QualityDiversity._progress, "_began")
+    _began: int
+    """Generations before the archive was begun."""
 
     def _check_settings(self) -> None:
         super()._check_settings()
@@ -75,6 +75,10 @@ class AURORA(QualityDiversity):
             device=self.device,
         )
         super()._make_search(search_seed)
+
+    def _begin_archive(self, seed: np.random.SeedSequence) -> None:
+        super()._begin_archive(seed)
+        self._began = self.generation
 
     def _make_archive(self, seed: np.random.SeedSequence) -> UnstructuredArchive:
         return UnstructuredArchive(
@@ -117,7 +121,7 @@ class AURORA(QualityDiversity):
         return self._encoder.summarizers(n_individuals) if is_begun else None
 
     def _is_training_due(self) -> bool:
-        n_intervals, rest = divmod(len(self.history), self.training_interval)
+        n_intervals, rest = divmod(self.generation - self._began, self.training_interval)
         is_power_of_two = n_intervals & (n_intervals - 1) == 0
         return rest == 0 and is_power_of_two  # 0 counts as one
 

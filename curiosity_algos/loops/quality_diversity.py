@@ -13,7 +13,6 @@ from ribs.emitters import EmitterBase, GaussianEmitter
 from ribs.schedulers import Scheduler
 
 from curiosity_algos.archives.base import EliteArchive
-from curiosity_algos.archives.history import ArchiveHistory
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.randomness import integer_seed
@@ -37,10 +36,9 @@ MakeEmitters = Callable[[EliteArchive, Float32Array, int], list[EmitterBase]]
 class QualityDiversity(EvolutionaryAlgorithm):
     """Emits policies, and keeps those that are new or better than their like.
 
-    A subclass says which archive (`_make_archive`) and which emitter (`_make_emitter`). Where they
-    are not the environment's behaviors, it also says what places a policy in the archive
-    (`_measures`, `_measure_dim`); what is kept of each elite (`_fields`, `_field_types`); and what
-    these need of trajectories (`_summarizers`). Further keywords are those of every algorithm, see
+    A subclass says which archive (`_make_archive`) and which emitter (`_make_emitter`). It may say
+    what places a policy in the archive (`_measures`, `_measure_dim`) and what is kept of each elite
+    (`_fields`, `_field_types`). Further keywords are those of every algorithm, see
     `EvolutionaryAlgorithm`.
 
     Args:
@@ -54,14 +52,12 @@ class QualityDiversity(EvolutionaryAlgorithm):
             the last model that took it. `set_env` empties it where behaviors are others, as in
             another maze: `save` it before. `load` takes it again.
         emitters: A function of the archive, the parameters to begin at (n_parameters,) and a seed,
-            a whole number, that returns a list of pyribs' emitters on that archive: they emit the
-            policies, instead of the algorithm's own emitter with its settings. `load` takes it
-            again.
+            a whole number, that returns a list of pyribs' emitters on that archive, instead of the
+            algorithm's own emitter with its settings. `load` takes it again.
 
     Attributes:
         archive: The elites; of each is kept the parameters, the return, what places it, and the
             seed of its episode.
-        history: The archive's statistics after each generation.
 
     Raises:
         ValueError: If an argument is out of its range, or `archive` or `emitters` do not fit.
@@ -80,10 +76,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """The algorithm's own archive, empty."""
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
-        """The emitter of policies for `self.archive`, beginning at `x0` (n_parameters,).
-
-        It mutates elites drawn uniformly, where an algorithm says nothing else.
-        """
+        """The emitter for `self.archive`, from `x0` (n_parameters,); else of uniform parents."""
         return GaussianEmitter(
             self.archive, sigma=self.sigma, x0=x0, batch_size=self.population_size, seed=seed
         )
@@ -173,7 +166,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         else:
             vars(self)["archive"] = self._own_archive
             self._prepare_own(self._own_archive, archive_seed)
-        self.history = ArchiveHistory()
         self._emitters = self._make_emitters(x0.astype(np.float32), integer_seed(emitter_seed))
 
     def _prepare_own(self, archive: EliteArchive, seed: np.random.SeedSequence) -> None:
@@ -214,7 +206,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         measures, fields = self._measures(rollouts), self._fields(rollouts)
         self._scheduler.tell(rollouts.returns, measures, **fields)
         stats = self.archive.stats
-        self.history.record(rollouts.timesteps, stats)
         if isinstance(self.archive, UnstructuredArchive):
             own = {"archive/threshold": self.archive.threshold}
         else:
@@ -246,7 +237,6 @@ class QualityDiversity(EvolutionaryAlgorithm):
         return {
             "archive": self.archive,
             **super()._parts(),
-            "history": self.history,
             "emitters": self._emitters,
             "later_seeds": self._later_seeds,
         }
@@ -262,12 +252,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
         """Actions of the best policy, or of the elite nearest to a behavior.
 
         Args:
-            observation: As in SB3, like the next three.
-            state: Unused.
-            episode_start: Unused.
-            deterministic: Unused, policies draw nothing.
-            niche: (B,) behavior that the elite should come to, in the environment's units; there
-                must be elites.
+            observation: As in SB3.
+            state: Unused, like the next two.
+            episode_start: See `state`.
+            deterministic: See `state`.
+            niche: (B,) behavior that the elite should come to; there must be elites.
         """
         if niche is None:
             return super().predict(observation, state, episode_start, deterministic)

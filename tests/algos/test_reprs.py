@@ -26,7 +26,6 @@ def test_a_model_and_its_parts():
     expected = f"<Coverage: reachable {share}, visited {share}, all {share}>"
     assert re.fullmatch(expected, repr(model._coverage))
     assert repr(model.archive) == "<SparseGridArchive: 4 elites, best objective 0.000>"
-    assert repr(model.history).startswith("<ArchiveHistory: 1 generations of timesteps, size, ")
     model.env = None
     assert repr(model).startswith("<MAPElites without an environment: 80 timesteps")
 

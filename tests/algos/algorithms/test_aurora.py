@@ -54,8 +54,9 @@ def test_states_are_40_percent_of_the_elites_own_trajectories(make_model, make_e
 
 def test_the_archive_keeps_its_size(make_model, make_easy_maze):
     model = make_model(AURORA, make_easy_maze(), archive_size=30, training_interval=4)
-    model.learn(40 * 6 * 64)
-    sizes = model.history["size"]
+    sizes = []
+    model.learn(40 * 6 * 64, callback=lambda *_: sizes.append(len(model.archive)) is None)
+    sizes = np.array(sizes)
     reached = np.argmax(sizes >= 30)
     assert sizes[reached] >= 30
     assert 27 <= sizes[reached:].min() <= sizes.max() <= 33

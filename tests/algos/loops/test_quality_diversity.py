@@ -18,9 +18,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 import curiosity_gym
 from curiosity_algos import AURORA, CMAME, NSLC, CuriosityMAPElites, MAPElites
-from curiosity_algos.archives.fields import behaviors_of
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.archives.verify import behaviors_of
 from curiosity_algos.evaluation.mlp import act
 
 WITH_ARCHIVES = [NSLC, MAPElites, CMAME, AURORA, CuriosityMAPElites]
@@ -80,20 +80,6 @@ def test_a_niche_acts_with_its_nearest_elite(algorithm, make_model, make_easy_ma
     np.testing.assert_array_equal(model.policy.vector, acting)
 
 
-def test_the_history_is_the_archives(algorithm, make_model, make_easy_maze):
-    callback = Population()
-    model = make_model(algorithm, make_easy_maze()).learn(2000, callback=callback)
-    timesteps = np.cumsum([rollouts.timesteps for rollouts in callback.rollouts])
-    np.testing.assert_array_equal(model.history["timesteps"], timesteps)
-    best = np.maximum.accumulate([rollouts.returns.max() for rollouts in callback.rollouts])
-    np.testing.assert_array_equal(model.history["best"], best)
-    stats = model.archive.stats
-    assert model.history["size"][-1] == len(model.archive) == stats.num_elites
-    assert model.history["qd_score"][-1] == stats.qd_score
-    assert model.history["coverage"][-1] == stats.coverage
-    assert len(model.history) == model.generation
-
-
 @EVERY
 def test_another_maze_starts_anew(algorithm, make_model, make_maze):
     model = make_model(algorithm, make_maze()).learn(6 * 50)
@@ -101,7 +87,7 @@ def test_another_maze_starts_anew(algorithm, make_model, make_maze):
     assert len(model.archive) > 0
     emitted = model._ask()
     model.set_env(make_maze(layout="snake"))
-    assert len(model.archive) == len(model.history) == 0
+    assert len(model.archive) == 0
     assert not np.array_equal(model._ask(), emitted)
     model.learn(6 * 50)
     assert model.archive.verify(make_maze(layout="snake")).share == 1.0
@@ -371,6 +357,16 @@ class TestArchive:
         model.save(tmp_path / "model")
         loaded = NSLC.load(tmp_path / "model", archive=other)
         assert loaded.archive.threshold == model.archive.threshold
+
+    @pytest.mark.parametrize("changes", [{"dims": [5] * 4}, {"qd_score_offset": -3.0}, None])
+    def test_load_takes_one_of_the_same_settings(self, changes, make_model, make_maze, tmp_path):
+        own = make_own(MAPElites, make_model, make_maze)
+        make_model(MAPElites, make_maze(), archive=own).learn(1).save(tmp_path / "model")
+        other = None
+        if changes is not None:
+            other = make_own(MAPElites, make_model, make_maze, **changes)
+        with pytest.raises(ValueError, match=r"^`archive` must be given to `load` as to the"):
+            MAPElites.load(tmp_path / "model", **({} if other is None else {"archive": other}))
 
     def refuse(self, message, model, make_env, own):
         before = own.field_list if isinstance(own, SparseGridArchive) else None

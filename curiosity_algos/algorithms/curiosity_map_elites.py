@@ -31,10 +31,9 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     the bonus, as it is now, finds most curious. The bonus learns from every generation, as in
     `CuriosityES`, so that what is known stops having offspring.
 
-    An elite's curiosity is the sum over its trajectory (eq. 10, with a gamma of 1), as of the
-    paper's ICM, which is the default here. It is not the mean of the most curious quarter that
-    `CuriosityES` takes: of an elite only `n_kept` transitions are held, drawn at random. Their mean
-    estimates the sum whatever was drawn, the highest of them depend on the draw.
+    An elite's curiosity is the sum over its trajectory (eq. 10, with a gamma of 1), estimated from
+    `n_kept` transitions that are drawn at random: the highest of them, as `CuriosityES` takes,
+    would depend on the draw.
 
     Further keywords are those of the bonus, see `CuriousAlgorithm`, of `MAPElites`, of algorithms
     with an archive, see `QualityDiversity`, and of every algorithm, see `EvolutionaryAlgorithm`.

@@ -31,8 +31,7 @@ class NSES(MotivatedStrategy):
 
     Args:
         phi: Weight of the extrinsic fitness, in [0, 1]; 0 is NS-ES, above it NSR-ES; "adaptive" is
-            NSRA-ES: it begins at .8, falls to 0 while the best return stays, and rises with each
-            better one.
+            NSRA-ES, see `MotivatedStrategy`.
         k: Neighbors that count.
         behavior: "final": the environment's behavior, in its own units; "state": the whole final
             observation (the paper's BD_s), which any environment has.

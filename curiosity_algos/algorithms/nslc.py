@@ -49,11 +49,9 @@ class NSLC(QualityDiversity):
             less. `emitters` have their own parents.
         k: Neighbors that count; those of an `archive` are its `k_neighbors` instead.
         behavior: "final": the environment's behavior; "state": the whole final observation (the
-            paper's BD_s); "learned": features of the final observation, as of `APT`, so that
-            nothing is told: near is what one comes to in few steps. After each generation the
-            elites are measured anew; an `archive` must then be empty at the beginning.
-        archive_size: Elites held, within 10 %: a distance between them adapts; an `archive` holds
-            its `target_size` instead.
+            paper's BD_s); "learned": features of the final observation, as of `APT`. After each
+            generation the elites are measured anew; an `archive` must be empty at the beginning.
+        archive_size: Elites held, within 10 %; an `archive` holds its `target_size` instead.
     """
 
     archive: UnstructuredArchive

@@ -20,8 +20,6 @@ class HeldInterrupt(KeyboardInterrupt):
 def deferred_interrupt(what: str) -> Iterator[None]:
     """Hold the first Ctrl-C back until the block ends, and say so; a second one interrupts at once.
 
-    A model is then always interrupted between two generations, where it can be saved and resumed.
-
     Raises:
         HeldInterrupt: After the block, if Ctrl-C was pressed in it.
     """

@@ -16,17 +16,12 @@ PRESETS = tuple(sorted(name.removesuffix(".yml") for name in _FILES if name.ends
 
 
 def load_preset(preset: str, algorithm: str, env_id: str | None) -> dict[str, Any]:
-    """Keywords for `CuriosityES(env, **load_preset("paper", "CuriosityES", env_id))`.
-
-    `CuriosityES.from_preset("paper", env)` is the same, for the id that `env` was made by.
+    """What differs from the defaults: `CuriosityES(env, **load_preset("paper", ...))`.
 
     Args:
         preset: "paper" (its table 1) or "tuned".
         algorithm: Name of the class.
         env_id: The environment's id.
-
-    Returns:
-        What differs from the defaults; empty where the defaults are the preset's settings.
 
     Raises:
         ValueError: If there is no such preset, or it has no settings of the algorithm for the

@@ -45,11 +45,7 @@ def torch_generator(seed: int | None) -> th.Generator:
 
 
 def reseed(parts: Iterable[object], seed: np.random.SeedSequence) -> None:
-    """Begin anew every generator that `parts` hold, each from a child of `seed`.
-
-    Those of numpy and torch are found in attributes and slots, dictionaries, lists and tuples,
-    however deep; those of environments and spaces stay as they are.
-    """
+    """Begin anew every generator that `parts` hold, but for those of environments and spaces."""
     generators = list(_generators(list(parts), set()))
     for generator, child in zip(generators, seed.spawn(len(generators)), strict=True):
         if isinstance(generator, th.Generator):
@@ -110,8 +106,7 @@ def sole_learner() -> Iterator[None]:
     A thread may enter again, so that callbacks can train, load and evaluate models.
 
     Raises:
-        RuntimeError: If a model learns in another thread: global generators and threads of the
-            libraries are the process', so that neither run would be the one it is alone.
+        RuntimeError: If a model learns in another thread, with the same global generators.
     """
     if not _LEARNS.acquire(blocking=False):
         raise RuntimeError(

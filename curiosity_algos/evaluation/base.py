@@ -1,8 +1,4 @@
-"""The base of evaluators, which play large populations in blocks.
-
-The trajectories of 10,000 episodes in a maze take 3 gigabytes; what a search reads of them takes a
-tenth of one. Blocks are also faster: they use the same memory again.
-"""
+"""The base of evaluators, which play large populations in blocks: trajectories take gigabytes."""
 
 from __future__ import annotations
 
@@ -49,11 +45,10 @@ class Evaluator(ABC):
 
     Attributes:
         n_parameters: Length of a policy's parameter vector.
-        block_size: Most policies that it plays at once for an algorithm that needs no whole
-            trajectories; None: any number.
+        block_size: Most policies of a block; None: any number.
         batch_size: Policies that must play side by side, so that their episodes are reproducible.
         draws: Whether episodes begin at random, by the seed.
-        known: The maze, task or robot of the environment, if it plays that without the environment.
+        known: The maze, task or robot, if it plays that without the environment.
         local: The evaluator that each process of a cluster has one like; None: there is no cluster.
         n_live: Processes of a cluster that have played the last generation; None: there is none.
     """
@@ -72,8 +67,7 @@ class Evaluator(ABC):
 
         Args:
             parameters: (P, n_parameters), float32.
-            seed: Every episode's reset gets it, so that individuals are compared on equal terms;
-                environments that draw nothing ignore it.
+            seed: Every episode's reset gets it; environments that draw nothing ignore it.
         """
 
     def play(
@@ -83,16 +77,13 @@ class Evaluator(ABC):
         summarizers: Mapping[str, Summarizer] | None,
         first: int = 0,
     ) -> Rollouts:
-        """Play one episode of each policy, in blocks if only summaries are read.
+        """Play one episode of each policy; several blocks keep summaries of trajectories alone.
 
         Args:
             parameters: (P, n_parameters), of a population's individuals from `first` on.
             seed: See `evaluate`.
-            summarizers: What is read of trajectories; None: all of them.
+            summarizers: What is read of trajectories; None: all of them, in one block.
             first: The first individual.
-
-        Returns:
-            The episodes. One block keeps its trajectories, several have summaries alone.
         """
         if summarizers is None:
             return self.evaluate(parameters, seed)

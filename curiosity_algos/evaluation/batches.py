@@ -1,7 +1,7 @@
 """Batches step several episodes that began together, in environments of any kind.
 
-A batch gives the true last observation of an episode, never the first of the next. What it gives of
-an episode after its end is undefined. Observations are vectors; actions are the environment's.
+They give the true last observation of an episode, never the first of the next. What they give of an
+episode after its end is undefined. Observations are vectors; actions are the environment's.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Coverage: in which cells of a grid over behaviors episodes ended, and which they visited."""
+"""What episodes have found: first reward, first success, best return and coverage."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_algos.common.arrays import Float64Array, Int64Array
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.environments import EnvObject, describe, env_attribute
 from curiosity_algos.evaluation.flat_spaces import is_vector
+from curiosity_algos.evaluation.rollouts import Rollouts, final_behaviors
 from curiosity_algos.state.check import check_like
 from curiosity_gym.core import CoverageGrid
 
@@ -132,3 +133,125 @@ def goal_space(env: EnvObject) -> spaces.Box[Any] | None:
 def _own_behavior_space(env: EnvObject) -> spaces.Box[Any] | None:
     space = env_attribute(env, "behavior_space")
     return space if isinstance(space, spaces.Box) else None
+
+
+class Firsts:
+    """When an episode first had a reward, and when one first was a success.
+
+    Attributes:
+        reward: Timesteps when an episode first ended with a return above 0, or None.
+        success: Timesteps when an episode first ended with `info["is_success"]`, or None.
+    """
+
+    def __init__(self) -> None:
+        self.reward: int | None = None
+        self.success: int | None = None
+
+    def add(self, ends: int | Int64Array, returns: Float64Array, success: Mask) -> None:
+        """Count episodes: returns (n,) and successes (m,), and the timesteps at their ends."""
+        for name, is_first in {"reward": returns > 0.0, "success": success}.items():
+            if getattr(self, name) is None and is_first.any():
+                at = np.broadcast_to(ends, is_first.shape)[np.argmax(is_first)]
+                setattr(self, name, int(at))
+
+    @property
+    def metrics(self) -> dict[str, int]:
+        """The known ones by their names in a log."""
+        return {f"time/first_{name}": at for name, at in vars(self).items() if at is not None}
+
+    def state_dict(self) -> dict[str, int | None]:
+        """Both numbers, for a checkpoint."""
+        return dict(vars(self))
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        firsts = state["reward"], state["success"]
+        if not all(isinstance(first, int | None) for first in firsts):
+            raise ValueError("`reward` and `success` must be timesteps, or None.")
+        self.reward, self.success = firsts
+
+
+class EpisodeRecord:
+    """Counts what episodes find, from the steps of a VecEnv.
+
+    Args:
+        grid: The grid of coverage; None: it counts nothing.
+
+    Attributes:
+        coverage: The cells of the behaviors in infos.
+        best_return: Highest return of an episode that a Monitor saw; -inf before the first.
+        firsts: First reward and success.
+    """
+
+    def __init__(self, grid: CoverageGrid | None) -> None:
+        self.coverage = Coverage(grid)
+        self.best_return = -np.inf
+        self.firsts = Firsts()
+
+    def add(self, infos: Sequence[Mapping[str, Any]], dones: Array, num_timesteps: int) -> None:
+        """Count one step of a VecEnv, `num_timesteps` of the run, and the episodes that ended."""
+        ended = [info for info, done in zip(infos, dones, strict=True) if done]
+        self.coverage.add_steps([info["behavior"] for info in infos if "behavior" in info])
+        with_behavior = [info for info in ended if "behavior" in info]
+        if with_behavior and self.coverage.grid is not None:
+            self.coverage.add(final_behaviors(with_behavior))
+        if not ended:
+            return
+        returns = [float(info["episode"]["r"]) for info in ended if "episode" in info]
+        success = [bool(info.get("is_success")) for info in ended]
+        self.firsts.add(num_timesteps, np.array(returns), np.array(success))
+        self.best_return = max([self.best_return, *returns])
+
+    def state_dict(self) -> dict[str, Any]:
+        """All attributes, for a checkpoint."""
+        return {
+            "coverage": self.coverage.state_dict(),
+            "best_return": self.best_return,
+            "firsts": self.firsts.state_dict(),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+        """Take over what `state_dict` gave."""
+        self.coverage.load_state_dict(state["coverage"])
+        self.best_return = state["best_return"]
+        self.firsts.load_state_dict(state["firsts"])
+
+
+class BestPolicy:
+    """The individual with the highest return so far.
+
+    Attributes:
+        value: Its return; -inf before the first generation, where the next two mean nothing.
+        seed: Of the reset of its episode.
+        parameters: Its own (n_parameters,).
+        has_reward: Whether any individual had a return other than 0, or succeeded.
+    """
+
+    def __init__(self, n_parameters: int) -> None:
+        self.value = -math.inf
+        self.seed = 0
+        self.parameters: Float32Array = np.zeros(n_parameters, dtype=np.float32)
+        self.has_reward = False
+
+    def add(self, parameters: Float32Array, rollouts: Rollouts, seed: int) -> None:
+        """Take in a generation: parameters (P, n_parameters), and the seed of its episodes."""
+        highest = np.flatnonzero(rollouts.returns == rollouts.returns.max())
+        best = int(highest[np.argmax(rollouts.success[highest])])
+        # A success in the last step pays nothing, and is a find all the same.
+        is_first = bool(rollouts.success[best]) and not self.has_reward
+        self.has_reward |= is_first or bool(np.any(rollouts.returns))
+        value = float(rollouts.returns[best])
+        if value > self.value or (is_first and value == self.value):
+            self.value, self.seed = value, seed
+            self.parameters = parameters[best].copy()
+
+    def state_dict(self) -> dict[str, Any]:
+        """All attributes."""
+        return {**vars(self), "parameters": self.parameters.copy()}
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Take over what `state_dict` gave; ValueError for what that cannot give."""
+        check_like(state, BestPolicy(len(self.parameters)).state_dict(), "best")
+        if math.isnan(state["value"]) or state["seed"] < 0:
+            raise ValueError("`best` must be one policy, with its return and a seed.")
+        vars(self).update(state, parameters=state["parameters"].copy())

@@ -73,9 +73,7 @@ def stack(space: Space, observations: Any) -> Any:
 
 
 class FlatObservations:
-    """Makes vectors of the observations of a space.
-
-    Counted values become one-hot; a Dict's entries come in the order of their names.
+    """Makes vectors of the observations of a space; a Dict's entries are in order of their names.
 
     Args:
         space: Box, Discrete, MultiBinary or MultiDiscrete, or Dicts and Tuples of such. What is no
@@ -177,8 +175,7 @@ class FlatActions:
     def choose(self, outputs: Float32Array) -> ActionArray:
         """Actions for a bonus, (n, A) float32 or (n,) int64, of outputs (n, n_outputs).
 
-        Outputs of a Box are within its bounds. The largest score wins, as in deterministic policies
-        of Stable-Baselines3; a bit is on if its score is above 0.
+        The largest score of a choice wins; a bit is on if its score is above 0.
         """
         if isinstance(self._own, spaces.Discrete):
             largest: Int64Array = outputs.argmax(axis=1)

@@ -62,9 +62,7 @@ def build_mlp(
     """The network that maps `observation_space` to `action_space`.
 
     Raises:
-        ValueError: If a space is not supported: an observation that `FlatObservations` does not
-            take or flattens to more than `MAX_ENTRIES` numbers, or a Box of actions without bounds;
-            if a layer's width is out of range.
+        ValueError: If a space is not supported or has no bounds, or a width is out of range.
     """
     for width in net_arch:
         check_at_least_one(net_arch=width)

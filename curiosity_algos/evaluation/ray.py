@@ -1,8 +1,4 @@
-"""Populations in shards, as tasks of Ray: on processes of this machine, or of a cluster.
-
-Evaluation is a pure function of parameters and seed: Ray plays a shard that was lost again, on
-another process, and the results are those of a single one.
-"""
+"""Populations in shards, as tasks of Ray: on processes of this machine, or of a cluster."""
 
 from __future__ import annotations
 
@@ -45,18 +41,14 @@ class RayEvaluator(Evaluator):
     What algorithms read of trajectories is read there, and nothing else is sent back.
 
     Args:
-        env: An id, or a function that makes the environment: each process makes its own. Of an
-            environment, those that have a compiled evaluator alone. Or a function that makes an
-            evaluator, one's own or that of a vector environment.
+        env: An id, or a function that makes the environment: each process makes its own. An
+            environment that has a compiled evaluator. Or a function that makes an evaluator.
         policy_kwargs: `net_arch`, as of the algorithm.
         n_workers: Shards that are played at once, at most. None: as many as there is room for.
-        num_cpus: Processors of a shard, which is played with as many threads. A share of one lets
-            shards have it together.
+        num_cpus: Processors of a shard, which is played with as many threads; may be a share.
         resources: Other resources of a shard that the cluster knows: `{"simulator": 1}`.
-        shard_size: Policies of a shard; None: half of a worker's part of the population. Of a
-            vector environment as many as make its batches whole.
-        timeout: Seconds that may pass without the end of a shard; None: as many as it takes, as
-            for a cluster that is to grow.
+        shard_size: Policies of a shard; None: half of a worker's part of the population.
+        timeout: Seconds that may pass without the end of a shard; None: as many as it takes.
         address: Of a cluster: "auto" finds the one that this machine is part of. None: that which
             Ray has been connected to, or that the variable `RAY_ADDRESS` names, or else one that is
             started on this machine.

@@ -73,8 +73,6 @@ class Rollouts:
     """One episode of each of P individuals; trajectories are padded to one length T.
 
     Observations and actions are those that policies and bonuses see: vectors, see `flat_spaces`.
-    Returns add up the env's rewards in float64. Rounded to 6 digits, they are those that SB3's
-    Monitor records, and so `evaluate_policy` of a monitored env.
 
     Attributes:
         returns: (P,) float64, sum of rewards.
@@ -87,10 +85,8 @@ class Rollouts:
         actions: (P, T, A) float32, or (P, T) int64 from 0 on for Discrete actions; entries after an
             episode's end are undefined.
         visited: (V,) int64, ascending, the cells of the environment's coverage grid in which a step
-            of any individual ended (`curiosity_algos.evaluation.cells`). None: not counted; then
-            only the cells of `behaviors` are known.
-        summaries: Summaries of the trajectories by name. The process that played them has made
-            them; trajectories may be None then.
+            of any individual ended; None: not counted.
+        summaries: Summaries of the trajectories by name; trajectories may be None then.
     """
 
     returns: Float64Array

@@ -51,16 +51,14 @@ class VectorEvaluator(Evaluator):
 
     Episodes begin together, as many as there are envs, and every reset is seeded: results do not
     depend on the number of envs, unless a VectorEnv draws all its starts from one generator, or an
-    env remembers in an episode those before it. Episodes must end, see `most_steps`.
+    env remembers episodes.
 
     Args:
-        env: The environment. A single env plays one episode after the other, unless an id or a
-            function made it: then `N_ENVS` step side by side.
+        env: The environment; `N_ENVS` like it step side by side if an id or a function made it.
         mlp: The policies' shape.
 
     Attributes:
-        make_another: Makes an evaluator like this one; None of one environment, which cannot be
-            two.
+        make_another: Makes an evaluator like this one, where there can be another environment.
     """
 
     def __init__(self, env: EnvObject, mlp: Mlp) -> None:

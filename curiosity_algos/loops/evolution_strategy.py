@@ -44,19 +44,17 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
 
     Args:
         population_size: lambda, individuals a generation.
-        n_parents: mu, the best of them that recombine, at most lambda; None: half of the
-            population.
+        n_parents: mu, the best that recombine, at most lambda; None: half of the population.
         sigma: Standard deviation of the samples around the center, above 0.
         learning_rate: alpha, above 0: scales the center's step.
         step: "canonical" or "paper" (divided by `sigma n_parents`).
         mirrored_sampling: Draw half of the population opposite to the other half.
         normalize_observations: Search among policies of observations that are standardized by the
-            mean and deviation of each entry so far. These are worked into the first layer: files
-            and `predict` are as without. For entries of different scales, as velocities of robots.
+            mean and deviation of each entry so far. These are worked into the first layer.
         search: None: the canonical search (Chrabaszcz et al. 2018), made of the settings above. A
             `Search` for as many parameters as the policy has, or a function of that number and of a
-            `numpy.random.SeedSequence` that makes one: the settings above, `population_size` among
-            them, are then its own affair. `load` takes it again.
+            `numpy.random.SeedSequence` that makes one, which the settings above do not touch.
+            `load` takes it again.
     """
 
     population_size: int = setting(56, check_at_least_one, idle_with="search")
@@ -162,8 +160,7 @@ class MotivatedStrategy(EvolutionStrategy):
         learning_rate: alpha, above 0: scales the center's step. 1 leads to the weighted mean of the
             best mu, the default as far beyond: what is novel moves on.
         phi: Weight of the extrinsic fitness, in [0, 1]; "adaptive": it begins at .8, falls to 0
-            while the best return stays, and rises with each better one (Conti et al. 2018). The
-            paper's is .8.
+            while the best return stays, and rises with each better one (Conti et al. 2018).
         no_reward: "ignore" or "random": stand-in for the extrinsic fitness while a generation has
             no reward (the paper draws it at random).
     """
@@ -187,11 +184,8 @@ class MotivatedStrategy(EvolutionStrategy):
         return {**super()._parts(), **own}
 
     def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
-        own, others = (
-            self._motivation.summarizers(n_individuals),
-            super()._summarizers(n_individuals),
-        )
-        return None if own is None else {**own, **(others or {})}
+        own = self._motivation.summarizers(n_individuals)
+        return None if own is None else {**own, **(super()._summarizers(n_individuals) or {})}
 
     def _forget_behaviors(self) -> None:
         self._fitness.forget()

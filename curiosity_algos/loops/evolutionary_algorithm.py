@@ -41,8 +41,6 @@ from curiosity_algos.evaluation.environments import (
 from curiosity_algos.evaluation.evaluator import (
     AnyEnv,
     check_policy_kwargs,
-    choose_evaluator,
-    follow_env,
 )
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.policies import MlpPolicy
@@ -58,14 +56,12 @@ _SETTLED = ("policy_kwargs", "preset", "seed", "device", "n_threads")
 class EvolutionaryAlgorithm(PopulationModel):
     """Asks for parameters, evaluates them and learns from the rollouts, until the budget is spent.
 
-    A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`; the rest is
-    here: the budget, callbacks, logging, coverage, the best policy, save and load.
+    A subclass holds its search and says `_make_search`, `_ask`, `_tell` and `_center`.
 
     A timestep is one environment step of one individual. Callbacks are called once a generation, so
-    their frequencies count generations; in their `locals` it is the last step of as many episodes
-    as there are individuals (`rewards`, `dones`, `infos`), beside the `rollouts` themselves, the
-    `parameters` (P, n_parameters) that were evaluated, the `episode_seed` that all of them shared,
-    and the `intrinsic` fitness (P,) of algorithms that have one, else None.
+    their frequencies count generations. Their `locals` have the last step of each individual's
+    episode (`rewards`, `dones`, `infos`), the `rollouts`, the `parameters` (P, n_parameters), the
+    `episode_seed` that all shared, and the `intrinsic` fitness (P,), None where there is none.
 
     Args:
         env: An environment id, a function that makes an environment, a Gymnasium env or VectorEnv,
@@ -74,9 +70,8 @@ class EvolutionaryAlgorithm(PopulationModel):
         policy: "MlpPolicy", or a subclass of it.
         policy_kwargs: `net_arch`, widths of the hidden layers; None: 32 and 16, as in the paper.
         evaluator: Evaluates populations: "auto", the fastest that fits `env`; "ray", the same
-            on every processor of a Ray cluster, see `RayEvaluator`; or an `Evaluator` for as many
-            parameters as the policy has. `set_env` keeps one that was given, where it fits; `load`
-            takes it again.
+            on a Ray cluster, see `RayEvaluator`; or an `Evaluator` for as many parameters as the
+            policy has, which `load` takes again.
         n_threads: Threads of the compiled parts; None: as many as there are processors. Results do
             not depend on it.
         seed: Seed of everything random; None: fresh entropy.
@@ -88,8 +83,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         generation: Generations finished.
         best_return: Highest return of an individual so far, rounded to 6 digits as SB3's Monitor
             does; -inf before the first generation.
-        best_episode_seed: Seed of the reset that the individual's episode began with; None before
-            a reward. From another start it may come to another return.
+        best_episode_seed: Seed of the reset that its episode began with; None before a reward.
         first_reward_timesteps: Timesteps when an individual first had a return above 0, or None.
         first_success_timesteps: Timesteps when an individual first succeeded, or None.
 
@@ -168,10 +162,7 @@ class EvolutionaryAlgorithm(PopulationModel):
                 setattr(getattr(self, one.part), name, getattr(self, name))
 
     def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
-        """What `_tell` reads of the trajectories of a generation; None: all of them.
-
-        Otherwise rollouts of large populations, which are played in blocks, hold summaries alone.
-        """
+        """What `_tell` reads of trajectories, as populations are played in blocks; None: all."""
         return None
 
     @staticmethod
@@ -205,8 +196,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._make_search(search_seed)
         self.evaluator = None
         if self.env is not None:
-            choice = self._evaluator_choice
-            self.evaluator = choose_evaluator(choice, self.env, self.policy_kwargs, self.n_threads)
+            self.evaluator = self._choose_evaluator(self._evaluator_choice, self.env)
         self._show_best()
         arguments = self._settings()
         self._settled = {*_SETTLED} | {
@@ -215,44 +205,39 @@ class EvolutionaryAlgorithm(PopulationModel):
             if one.is_settled or arguments.get(one.idle_with or "") is not None
         }
 
-    def set_env(
-        self, env: GymEnv, force_reset: bool = True, *, evaluator: Evaluator | str | None = None
-    ) -> None:
+    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """Train on another environment with the same spaces.
 
         Where coverage counts other cells than before, as in another maze, coverage, the best policy
-        and archives of behaviors start anew, and so does a search whose parents are an archive's
-        elites; networks that have learned go on.
+        and archives of behaviors start anew; networks that have learned go on.
 
         Args:
             env: As in the constructor.
             force_reset: As in SB3.
-            evaluator: As in the constructor; None: as before. One that was given fits another
-                environment if its behaviors and what coverage counts are the same.
 
         Raises:
-            ValueError: If the spaces are others, or the env is not supported; if the evaluator that
-                was given does not fit.
+            ValueError: If the spaces are others, or the env is not supported; if coverage counts
+                other cells, and the constructor was given an evaluator.
         """
         env = open_env(env)
         wrapped = self._wrap_env(env, self.verbose)
         check_for_correct_spaces(wrapped, self.observation_space, self.action_space)
         self._check_behaviors(behavior_space(wrapped))
-        choice = self._evaluator_choice if evaluator is None else evaluator
-        if evaluator is None and not isinstance(choice, str) and self._counts_others(wrapped):
-            raise ValueError('`evaluator` must be given, or "auto", as `env` is another one.')
-        chosen = choose_evaluator(choice, wrapped, self.policy_kwargs, self.n_threads)
+        choice = self._evaluator_choice
+        if not isinstance(choice, str) and self._counts_others(wrapped):
+            raise ValueError(
+                "`env` must be like the one before, which `evaluator` was given for: save the "
+                "model, and load it with this `env` and another `evaluator`."
+            )
+        evaluator = self._choose_evaluator(choice, wrapped)
         self.n_envs = wrapped.num_envs  # populations do not depend on the number of envs
         super().set_env(wrapped, force_reset)
         self._match_env(wrapped)
-        self._evaluator_choice, self.evaluator = choice, chosen
+        self.evaluator = evaluator
 
     @property
     def best_return(self) -> float:
-        """Highest return of an individual so far; -inf before the first generation.
-
-        Rounded to 6 digits, as SB3's Monitor rounds: `evaluate_policy` of a monitored env says it.
-        """
+        """Highest return so far, to 6 digits as of SB3's Monitor; -inf before a generation."""
         return round(self._best.value, 6)
 
     @property
@@ -276,21 +261,19 @@ class EvolutionaryAlgorithm(PopulationModel):
     ) -> Self:
         """Search until the generation that reaches the budget has ended.
 
-        Ctrl-C takes effect at the end of the running generation, so that the model can be saved; a
-        second one at once.
+        Ctrl-C takes effect at the end of the running generation, a second one at once.
 
         Args:
             total_timesteps: Budget in environment steps, at least 0; floats such as 1e6 are fine.
             callback: SB3 callbacks; called once a generation.
             log_interval: Generations between two logs; None: none.
             tb_log_name: Name of the run for TensorBoard; None: the algorithm's.
-            reset_num_timesteps: Count timesteps from 0 again; False: go on, as after `load`. The
-                search, coverage, `generation` and what was found go on either way.
+            reset_num_timesteps: Count timesteps from 0 again; False: go on, as after `load`. All
+                else goes on either way.
             progress_bar: Show a bar of timesteps.
 
         Raises:
-            ValueError: If the budget is negative or not finite, `log_interval` is below 1,
-                no env is set, or `set_options` was called of it.
+            ValueError: If an argument is out of its range, no env is set, or it has options.
             RuntimeError: If a model learns in another thread.
         """
         check_learning(self.env, total_timesteps, log_interval)
@@ -344,13 +327,11 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     def _run_generation(self) -> dict[str, Any]:
         """Run a generation; the entries of callbacks' `locals`."""
+        self._check_settings()
+        self._follow_env()
+        self._put_in_force()
         assert self.evaluator is not None
         assert self.env is not None
-        self._check_settings()
-        choice = self._evaluator_choice
-        settings = self.env, self.policy_kwargs, self.n_threads
-        self.evaluator = follow_env(self.evaluator, choice, *settings)
-        self._put_in_force()
         parameters = self._ask()
         summarizers = self._summarizers(len(parameters))
         self._episode_seed = int(self._episode_seeds.integers(2**31))

@@ -17,14 +17,22 @@ from stable_baselines3.common.utils import check_for_correct_spaces
 from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.state.file import StateFile, read
-from curiosity_algos.state.spaces import Space, decode_space, encode_space
 from curiosity_algos.state.tree import encode
 from curiosity_gym.core import CoverageGrid
+
+Space = spaces.Space[Any]
 
 OF_DAMAGE = (*(ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError),)
 """What parts raise of states that are none of theirs."""
 NO_SETTINGS = {"env", "device", "_init_setup_model"}
 """Arguments of the constructor that `load` is called with itself."""
+_ARGUMENTS = {
+    "Box": ("low", "high"),
+    "Discrete": ("n", "start"),
+    "MultiBinary": ("n",),
+    "MultiDiscrete": ("nvec", "start"),
+}
+"""By class, the attributes that make a space again."""
 
 
 @dataclass(frozen=True)
@@ -199,3 +207,47 @@ def load_policy(path: StateFile, cls: type[Any], env: Any) -> tuple[MlpPolicy, i
         return policy, best["seed"] if best["has_reward"] else 0
     except OF_DAMAGE as error:
         raise ValueError(f"`path` must be a saved {cls.__name__}, {file}: {error}") from error
+
+
+def encode_space(space: Space | None) -> Any:
+    """A space as a tree: its kind and what it was made with; None of any other class."""
+    try:
+        return _encode(space)
+    except KeyError:
+        return None
+
+
+def _encode(space: Any) -> Any:
+    kind = type(space).__name__
+    if type(space) is not getattr(spaces, kind, None):
+        raise KeyError(kind)
+    if kind == "Dict":
+        return {kind: [(key, _encode(part)) for key, part in space.items()]}
+    if kind == "Tuple":
+        return {kind: list(map(_encode, space))}
+    return {kind: [getattr(space, name) for name in _ARGUMENTS[kind]]}
+
+
+def decode_space(tree: Any) -> Space | None:
+    """The space that `encode_space` was called with, or None where it gave that.
+
+    Raises:
+        ValueError: If it gave no such tree.
+    """
+    try:
+        return None if tree is None else _decode(tree)
+    except Exception as error:  # gymnasium asserts, too
+        raise ValueError(f"A space must be as it was saved, got {tree!r:.60}.") from error
+
+
+def _decode(tree: Any) -> Space:
+    ((kind, parts),) = tree.items()
+    if kind == "Dict":
+        return spaces.Dict([(key, _decode(part)) for key, part in parts])
+    if kind == "Tuple":
+        return spaces.Tuple(map(_decode, parts))
+    given = dict(zip(_ARGUMENTS[kind], parts, strict=True))
+    if kind in ("Box", "MultiDiscrete"):
+        given["dtype"] = parts[0].dtype.type
+    made: Space = getattr(spaces, kind)(**given)
+    return made

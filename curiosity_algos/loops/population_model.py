@@ -1,8 +1,4 @@
-"""A policy with a search around it: its environment, its seed, and the file that holds it.
-
-A model is saved as its settings and its state. Settings are the keywords of the constructor, as
-they are in force; the state is that of the parts that `_parts` names, and how far the run is.
-"""
+"""A policy with a search around it: its environment, its seed, and the file that holds it."""
 
 from __future__ import annotations
 
@@ -25,12 +21,22 @@ from curiosity_algos.common.presets import preset_settings
 from curiosity_algos.common.randomness import reseed
 from curiosity_algos.evaluation.arguments import check_keywords_known
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.evaluation.coverage import Coverage, behavior_space, coverage_grid
-from curiosity_algos.evaluation.environments import env_id, env_name, open_env
-from curiosity_algos.evaluation.episodes import Firsts
-from curiosity_algos.evaluation.evaluator import AnyEnv
+from curiosity_algos.evaluation.coverage import (
+    BestPolicy,
+    Coverage,
+    Firsts,
+    behavior_space,
+    coverage_grid,
+)
+from curiosity_algos.evaluation.environments import (
+    EnvObject,
+    FactoryVecEnv,
+    env_id,
+    env_name,
+    open_env,
+)
+from curiosity_algos.evaluation.evaluator import AnyEnv, as_played, known_task, make_evaluator
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.best_policy import BestPolicy
 from curiosity_algos.loops.declared import (
     Setting,
     name_in_presets,
@@ -52,7 +58,7 @@ from curiosity_algos.state.file import read, save
 from curiosity_algos.state.settings import HasSettings
 from curiosity_algos.state.tree import State
 from curiosity_gym.core import CoverageGrid
-from curiosity_gym.validation import check_seed
+from curiosity_gym.validation import check_choice, check_seed
 
 TRANSITIONS = {"buffer", "replay_buffer"}
 """Names to exclude what a motivation has collected, ours and Stable-Baselines3's."""
@@ -62,8 +68,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     """What population algorithms have beside their loop.
 
     Classes declare their settings, see `curiosity_algos.loops.declared`; a constructor of its own
-    passes all others on as `**kwargs`. A setting is an attribute of its keyword's name. Callbacks
-    may set it, and assigning one that parts were made with is an error.
+    passes all others on as `**kwargs`.
 
     Attributes:
         preset: Name of the preset that the model was made from, or None.
@@ -72,6 +77,8 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     preset: str | None
     policy: MlpPolicy
     evaluator: Evaluator | None
+    _evaluator_choice: Evaluator | str
+    n_threads: int | None
     __signature__: ClassVar[inspect.Signature]
     _declared: ClassVar[dict[str, Setting]]
     """The settings that a class and those that it extends declare."""
@@ -123,11 +130,10 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         """Make a model with the settings of a preset: `CuriosityES.from_preset("paper", env)`.
 
         Args:
-            preset: "paper" (its table 1) or "tuned", see `load_preset`.
+            preset: "paper" or "tuned", see `load_preset`.
             env: As in the constructor, made by an id that the preset knows.
-            **overrides: Keywords of the constructor that count more than the preset's. Of a
-                dictionary each entry does; with another `bonus` the preset's `bonus_kwargs` do not
-                count at all.
+            **overrides: Keywords of the constructor that count more than the preset's, entry by
+                entry of a dictionary. With another `bonus` go the preset's `bonus_kwargs`.
 
         Raises:
             ValueError: If there is no such preset, or it has no settings of the algorithm for the
@@ -162,6 +168,42 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     @abstractmethod
     def _show_best(self) -> None:
         """Let `predict` act with the best policy."""
+
+    def _choose_evaluator(self, choice: Evaluator | str, env: EnvObject) -> Evaluator:
+        """The evaluator that an argument `evaluator` asks for; ValueError if it does not fit."""
+        if isinstance(choice, str):
+            check_choice(("auto", "ray"), evaluator=choice)
+            if choice == "auto":
+                return make_evaluator(env, self.policy_kwargs, self.n_threads)
+            # Not above: few have it installed.
+            from curiosity_algos.evaluation.ray import RayEvaluator
+
+            return RayEvaluator(env, self.policy_kwargs)
+        wanted = self.policy.mlp.n_parameters
+        own = choice.n_parameters if isinstance(choice, Evaluator) else None
+        if own != wanted:
+            raise ValueError(
+                f'`evaluator` must be "auto", "ray" or an Evaluator ({Evaluator.__module__}) of '
+                f"the policy's {wanted} parameters, got {choice!r} of {own}."
+            )
+        if isinstance(env, FactoryVecEnv):  # whose environment it has never seen
+            env.others_play = True
+        return choice
+
+    def _follow_env(self) -> None:
+        """Take a new evaluator if the maze, task or robot has changed since it was made."""
+        env, evaluator = self.env, self.evaluator
+        assert env is not None
+        assert evaluator is not None
+        if not isinstance(self._evaluator_choice, str):
+            return
+        known = (evaluator.local or evaluator).known
+        now = known_task(as_played(env))
+        if now is None if known is None else known.is_same(now):
+            return
+        # It plays alone: others of its id or function lack the change.
+        played = as_played(env) if now is None else env
+        self.evaluator = self._choose_evaluator(self._evaluator_choice, played)
 
     def _see_env(self, env: VecEnv | None) -> None:
         """Remember the behaviors of an env, and the cells that coverage counts there."""
@@ -214,10 +256,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     def set_random_seed(self, seed: int | None = None) -> None:
         """Begin every random draw of the run anew: those of its parts, of env and actions.
 
-        Unlike in SB3 the global generators of the process stay as they are. None seeds nothing.
-
-        Raises:
-            ValueError: If it is no whole number of at least 0.
+        The process' global generators stay as they are. None seeds nothing.
         """
         check_seed(seed)
         if seed is None:
@@ -226,23 +265,6 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         self.action_space.seed(int(seed))
         if self.env is not None:
             self.env.seed(int(seed))
-
-    def state_dict(self) -> State:
-        """The states of all parts, and how far the run is."""
-        own = {name: getattr(self, name) for name in self._progress}
-        return {**self.get_parameters(), "progress": own}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Take over what `state_dict` gave.
-
-        Raises:
-            ValueError: If it is that of another model.
-        """
-        progress = {name: getattr(self, name) for name in self._progress}
-        check_keys(state, [*self._parts(), "progress"])
-        check_like(state["progress"], progress, "progress")
-        self._load_parts(state)
-        vars(self).update(state["progress"])
 
     def get_parameters(self) -> dict[str, dict[str, Any]]:
         """The states of all parts, by the names of these."""
@@ -259,11 +281,11 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         Args:
             load_path_or_dict: A model's file, or what `get_parameters` gave, or a part of it.
             exact_match: Whether all parts must be there.
-            device: Unused, states are copied to where the parts are.
+            device: Unused.
 
         Raises:
-            ValueError: If parts are missing, or unknown, or of another model; if there is a policy
-                without the state of the search, which would not begin there.
+            ValueError: If parts are missing, unknown or of another model; if there is a policy
+                without the search's state.
         """
         parts = self._parts()
         parameters: Any = load_path_or_dict
@@ -274,12 +296,9 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         searches = parts.keys() & {"search", "archive"}
         if "policy" in parameters and searches and not searches & parameters.keys():
             raise ValueError(f"`policy` must come with `{searches.pop()}`, which makes the next.")
-        self._load_parts(parameters)
-
-    def _load_parts(self, states: Mapping[str, Any]) -> None:
-        for name, part in self._parts().items():
-            if name in states:
-                load_state(part, states[name])
+        for name, part in parts.items():
+            if name in parameters:
+                load_state(part, parameters[name])
 
     def _settings(self) -> dict[str, Any]:
         """The keywords of the constructor with their values in force."""
@@ -302,26 +321,26 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     ) -> None:
         """Save everything that a run needs to go on bit for bit.
 
-        The file takes the place of an older one only once it is wholly on disk. Objects that the
-        constructor was given, such as a `bonus`, `search`, `archive` or class of policies, are
-        given to `load` again.
+        Objects that the constructor was given, such as a `bonus`, `search`, `archive` or class of
+        policies, are given to `load` again.
 
         Args:
             path: Of the file; `.zip` is added where it has no suffix.
-            exclude: "buffer" leaves out the transitions that were collected: a run that goes on
-                without them is another one, and `learn` warns. Other names leave out nothing.
+            exclude: "buffer" leaves out the transitions that were collected; a run that goes on
+                without them is another one, and `learn` warns.
             include: Unused.
 
         Raises:
             OSError: If it cannot be written; an older file is then as it was.
             ValueError: If a part has a state that no file can hold.
         """
-        state = self.state_dict()
+        progress = {name: getattr(self, name) for name in self._progress}
+        state: State = {**self.get_parameters(), "progress": progress}
         if TRANSITIONS & set(exclude or ()):
             holders = [k for k in self._parts() if isinstance(state[k].get("buffer"), Mapping)]
             for name in holders:
                 state[name] = {k: value for k, value in state[name].items() if k != "buffer"}
-            state["progress"]["_lacks_transitions"] |= bool(holders)
+            progress["_lacks_transitions"] |= bool(holders)
         kind, settings = type(self).__name__, settings_for_file(self)
         save(model_path(path, is_read=False), kind, settings, state)
 
@@ -344,19 +363,18 @@ class PopulationModel(HasSettings, BaseAlgorithm):
             path: Of the file; `.zip` may be left out.
             env: As in the constructor; None: the model can predict, and learn after `set_env`.
             device: As in the constructor.
-            custom_objects: Keywords as `kwargs`, but for `learning_rate` and what is none of the
-                constructor's, for which rl-zoo3 passes stand-ins.
+            custom_objects: Further `kwargs`, of which `learning_rate` and unknown ones are left
+                out: rl-zoo3 passes stand-ins.
             print_system_info: As in SB3.
-            force_reset: Unused: a generation begins its episodes anew.
+            force_reset: Unused.
             **kwargs: Keywords of the constructor that count more than those in the file, and the
-                objects that it was given (the elites in the file take the place of those of an
-                `archive`). `seed` begins every random draw anew, see `set_random_seed`.
+                objects that it was given; an `archive` gets the elites in the file. `seed` begins
+                every random draw anew.
 
         Raises:
             FileNotFoundError: If there is no such file.
-            ValueError: If the file is truncated, or no model of this class; if it needs what is not
-                given here, or a keyword would replace a setting that what is in the file was made
-                with.
+            ValueError: If the file is no whole model of this class, an object is missing, or a
+                keyword would replace a setting that the state was made with.
             TypeError: If a keyword is not the constructor's.
         """
         if print_system_info:
@@ -371,8 +389,11 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         check_seed(overrides.get("seed"))
         env = None if env is None else open_env(env)
         model: Self = make_model(cls, settings, env, device, overrides)
+        own = {name: getattr(model, name) for name in cls._progress}
         try:
-            model.load_state_dict(state)
+            check_like(progress := state.pop("progress", None), own, "progress")
+            model.set_parameters(state)
+            vars(model).update(progress)
         except OF_DAMAGE as error:
             message = f"`path` must be a saved {cls.__name__}, {file}: {error}"
             raise ValueError(message) from error

@@ -14,8 +14,7 @@ from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.common.kept import Kept
-from curiosity_algos.evaluation.coverage import coverage_grid
-from curiosity_algos.evaluation.episodes import EpisodeRecord
+from curiosity_algos.evaluation.coverage import EpisodeRecord, coverage_grid
 from curiosity_algos.evaluation.rollouts import as_behaviors
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 

@@ -15,11 +15,7 @@ import psutil
 
 @contextmanager
 def atomic_file(path: str | os.PathLike[str]) -> Iterator[BufferedWriter]:
-    """Open a file that takes `path`'s place only once it is wholly on disk.
-
-    Whatever happens before, a full disk or a killed process, leaves the old file as it was; what a
-    killed process has left beside it the next one removes.
-    """
+    """Open a file that takes `path`'s place only once it is wholly on disk."""
     target = pathlib.Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     prefix = f".{target.name}.{socket.gethostname()}."

@@ -28,13 +28,9 @@ StateFile = str | os.PathLike[str] | io.BufferedIOBase
 
 
 def save(file: StateFile, kind: str, settings: Mapping[str, Any], state: State) -> None:
-    """Write settings and state; a file at a path appears only once it is wholly on disk.
+    """Write the settings and the state, both trees, of a kind of thing such as a class.
 
-    Args:
-        file: Where to.
-        kind: What has them, such as the name of a class.
-        settings: What its constructor was given, a tree as `state` is one.
-        state: See `curiosity_algos.state.tree`.
+    A file at a path appears only once it is wholly on disk.
 
     Raises:
         ValueError: If a tree holds something else; nothing is written then.

@@ -14,11 +14,7 @@ def python_number(value: Any) -> Any:
 
 
 class HasSettings:
-    """Checks the settings that a callback may change, and refuses to change the others.
-
-    What a file says of a thing is then what is in force, and one that is loaded goes on as the
-    thing itself would have.
-    """
+    """Checks the settings that a callback may change, and refuses to change the others."""
 
     _checks: ClassVar[dict[str, Callable[..., None]]] = {}
     """By setting, what raises ValueError of a value that it may not have."""
@@ -30,11 +26,7 @@ class HasSettings:
         return f"make a new {type(self).__name__}"
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute.
-
-        Raises:
-            ValueError: If it is a setting that stays, or may not have the value.
-        """
+        """Set an attribute; ValueError for a setting that stays, or may not have the value."""
         if name in self._settled and not _is_same(vars(self).get(name), value):
             raise ValueError(f"`{name}` must stay as it was set: {self._way_on(name)}.")
         if name in self._checks:

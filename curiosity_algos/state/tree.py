@@ -1,8 +1,7 @@
 """A tree of state as JSON and arrays, and back.
 
 A tree has dictionaries, lists and tuples; its leaves are numpy arrays and numbers, torch tensors,
-numbers, texts, truth values and None. JSON has no word for some of them: there a dictionary of one
-key that begins with "@" stands for the value, such as `{"@array": "policy/flat"}`.
+numbers, texts, truth values and None. In JSON `{"@array": "policy/flat"}` stands for an array.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from curiosity_algos.evaluation.episodes import EpisodeRecord, Firsts
+from curiosity_algos.evaluation.coverage import EpisodeRecord, Firsts
 from curiosity_gym.core import CoverageGrid
 
 GRID = CoverageGrid((0,), np.zeros(1), np.full(1, 50.0))

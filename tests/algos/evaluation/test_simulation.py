@@ -10,9 +10,9 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from curiosity_algos import make_evaluator
 from curiosity_algos.evaluation import simulation
 from curiosity_algos.evaluation.base import KnownTask
+from curiosity_algos.evaluation.evaluator import known_task
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.simulation import SimulationEvaluator
-from curiosity_algos.evaluation.transparent import known_task
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.control.simulation import Simulation
 from curiosity_gym.core import SimulationError

@@ -5,7 +5,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from curiosity_algos.evaluation.environments import GymnasiumView, SingleVecEnv
-from curiosity_algos.evaluation.transparent import as_played, known_task, max_steps
+from curiosity_algos.evaluation.evaluator import as_played, known_task, max_steps
 from curiosity_gym.maze.maze_env import MazeEnv, MazeVectorEnv
 
 

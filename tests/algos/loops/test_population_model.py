@@ -12,7 +12,6 @@ from stable_baselines3 import PPO
 
 from curiosity_algos import ICM, NSES, CanonicalES, CuriosityES, CuriosityMAPElites, MAPElites
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops import evolutionary_algorithm
 from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state.file import read, save
 from tests.algos.conftest import SETTINGS
@@ -40,15 +39,16 @@ class TestEvaluator:
     ):
         own = make_model(CanonicalES, make_easy_maze()).evaluator
         model = make_model(CanonicalES, make_easy_maze(), evaluator=own)
+        env = model.env
 
         def fail(*arguments):
             raise ConnectionError
 
         with monkeypatch.context() as context:
-            context.setattr(evolutionary_algorithm, "choose_evaluator", fail)
+            context.setattr(model, "_choose_evaluator", fail)
             with pytest.raises(ConnectionError):
-                model.set_env(make_easy_maze(), evaluator="auto")
-        assert model.evaluator is own
+                model.set_env(make_easy_maze())
+        assert (model.env, model.evaluator) == (env, own)
         model.save(path)
         with pytest.raises(ValueError, match="`evaluator` must be given to `load`"):
             CanonicalES.load(path, make_easy_maze())

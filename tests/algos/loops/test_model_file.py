@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
+from curiosity_algos.loops.model_file import decode_space, encode_space
 from curiosity_algos.state.file import read, save
-from curiosity_algos.state.spaces import decode_space, encode_space
 
 BOX = spaces.Box(np.array([-1.0, -np.inf]), np.array([1.0, np.inf]), dtype=np.float64)
 SPACES = [

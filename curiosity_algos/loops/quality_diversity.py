@@ -64,7 +64,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
     """
 
     archive: Any = setting(None, settled=True)
-    archive_class: ClassVar[type[EliteArchive]] = EliteArchive
+    archive_class: ClassVar[Any] = EliteArchive
     """Archives that the algorithm can work on."""
     population_size: int = setting(POPULATION_SIZE, check_at_least_one, idle_with="emitters")
     sigma: float = setting(0.3, check_positive, idle_with="emitters")

@@ -31,8 +31,7 @@ class AURORA(QualityDiversity):
     `training_interval` generations, and whenever their number has doubled since. After each
     training all elites are encoded anew. So an `archive` must be empty at the beginning.
 
-    Further keywords are those of algorithms with an archive, see `QualityDiversity`, and of every
-    algorithm, see `EvolutionaryAlgorithm`.
+    Further keywords are those of `QualityDiversity`.
 
     Args:
         latent_size: Dimensions of the learned behavior space.

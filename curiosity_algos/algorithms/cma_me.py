@@ -25,8 +25,7 @@ STRATEGIES = ("cma_es", "sep_cma_es", "lm_ma_es")
 class CMAME(MAPElites):
     """One improvement emitter: CMA-ES, started anew from a random elite every few generations.
 
-    Further keywords are those of `MAPElites`, of algorithms with an archive, see
-    `QualityDiversity`, and of every algorithm, see `EvolutionaryAlgorithm`.
+    Further keywords are those of `MAPElites`.
 
     Args:
         sigma: Step size after each restart, above 0; like the next two without effect on

@@ -22,13 +22,10 @@ class CuriosityES(CuriousAlgorithm, MotivatedStrategy):
     bonus on transitions of all of them, so that what is known stops being curious.
 
     The default bonus, `APT`, asks how far states lie from those remembered. The paper's is the
-    error of an Intrinsic Curiosity Module, summed over the trajectory:
-    `CuriosityES.from_preset("paper", env)`, or for a task that the paper has not `bonus="icm",
-    n_states=None, n_updates=64, batch_size=1024`.
+    error of an Intrinsic Curiosity Module, summed over the trajectory: `bonus="icm", n_states=None,
+    n_updates=64, batch_size=1024`.
 
-    Further keywords are those of the bonus, see `CuriousAlgorithm`, of strategies with a
-    motivation, see `MotivatedStrategy` and `EvolutionStrategy`, and of every algorithm, see
-    `EvolutionaryAlgorithm`.
+    Further keywords are those of `CuriousAlgorithm` (the bonus) and `MotivatedStrategy`.
 
     Args:
         n_states: An episode's curiosity is the mean of the highest quarter of those of so many of

@@ -35,8 +35,7 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     `n_kept` transitions that are drawn at random: the highest of them, as `CuriosityES` takes,
     would depend on the draw.
 
-    Further keywords are those of the bonus, see `CuriousAlgorithm`, of `MAPElites`, of algorithms
-    with an archive, see `QualityDiversity`, and of every algorithm, see `EvolutionaryAlgorithm`.
+    Further keywords are those of `CuriousAlgorithm` (the bonus) and `MAPElites`.
 
     Args:
         sigma: Standard deviation of mutations, above 0; `emitters` have their own.

@@ -30,8 +30,7 @@ class MAPElites(QualityDiversity):
 
     The grid spans the environment's `behavior_space`; memory is for the elites alone.
 
-    Further keywords are those of algorithms with an archive, see `QualityDiversity`, and of every
-    algorithm, see `EvolutionaryAlgorithm`.
+    Further keywords are those of `QualityDiversity`.
 
     Args:
         env: One with a `behavior_space`, bounded unless there is an `archive`.

@@ -26,8 +26,7 @@ class NSES(MotivatedStrategy):
     `phi z(return) + (1 - phi) z(novelty)`, and moves the center towards the best mu. Novelty is the
     mean Euclidean distance to the k nearest behaviors of all individuals so far.
 
-    Further keywords are those of strategies with a motivation, see `MotivatedStrategy` and
-    `EvolutionStrategy`, and of every algorithm, see `EvolutionaryAlgorithm`.
+    Further keywords are those of `MotivatedStrategy`.
 
     Args:
         phi: Weight of the extrinsic fitness, in [0, 1]; 0 is NS-ES, above it NSR-ES; "adaptive" is

@@ -41,8 +41,7 @@ class NSLC(QualityDiversity):
     competition how many of these have a lower return. NSGA-II's ranking (fronts, then crowding)
     weighs the two.
 
-    Further keywords are those of algorithms with an archive, see `QualityDiversity`, and of every
-    algorithm, see `EvolutionaryAlgorithm`.
+    Further keywords are those of `QualityDiversity`.
 
     Args:
         n_parents: mu, at most `population_size`, lambda; None: 7, or half of lambda where that is

@@ -25,8 +25,7 @@ class UnstructuredArchive(EliteArchive):
     Whenever there are a tenth more than `target_size` elites, the closest pairs lose their worse
     half until `target_size` are left, and the threshold becomes the smallest distance between them.
 
-    Measures are below 1e150 in size. Further keywords are those of every archive, see
-    `EliteArchive`.
+    Measures are below 1e150 in size. Further keywords are those of `EliteArchive`.
 
     Args:
         measure_dim: See `EliteArchive`.

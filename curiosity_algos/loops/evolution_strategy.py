@@ -40,7 +40,7 @@ def _constant(rate: Any) -> Any:
 class EvolutionStrategy(EvolutionaryAlgorithm):
     """Asks a search for policies around its center, and tells it their fitness.
 
-    Further keywords are those of every algorithm, see `EvolutionaryAlgorithm`.
+    Further keywords are those of `EvolutionaryAlgorithm`.
 
     Args:
         population_size: lambda, individuals a generation.
@@ -154,7 +154,7 @@ class MotivatedStrategy(EvolutionStrategy):
     """Ranks individuals by `phi z(return) + (1 - phi) z(intrinsic fitness)`.
 
     A subclass says what the intrinsic fitness is: `_make_motivation`. Further keywords are those of
-    `EvolutionStrategy` and `EvolutionaryAlgorithm`.
+    `EvolutionStrategy`.
 
     Args:
         learning_rate: alpha, above 0: scales the center's step. 1 leads to the weighted mean of the

@@ -81,11 +81,6 @@ class EvolutionaryAlgorithm(PopulationModel):
 
     Attributes:
         generation: Generations finished.
-        best_return: Highest return of an individual so far, rounded to 6 digits as SB3's Monitor
-            does; -inf before the first generation.
-        best_episode_seed: Seed of the reset that its episode began with; None before a reward.
-        first_reward_timesteps: Timesteps when an individual first had a return above 0, or None.
-        first_success_timesteps: Timesteps when an individual first succeeded, or None.
 
     Raises:
         ValueError: If an argument is out of its range, or the env's spaces are not supported.

@@ -38,8 +38,7 @@ class QualityDiversity(EvolutionaryAlgorithm):
 
     A subclass says which archive (`_make_archive`) and which emitter (`_make_emitter`). It may say
     what places a policy in the archive (`_measures`, `_measure_dim`) and what is kept of each elite
-    (`_fields`, `_field_types`). Further keywords are those of every algorithm, see
-    `EvolutionaryAlgorithm`.
+    (`_fields`, `_field_types`). Further keywords are those of `EvolutionaryAlgorithm`.
 
     Args:
         population_size: Policies a generation. With `emitters` it is the sum of their batch sizes,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 _PASSED_ON = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
@@ -16,30 +16,9 @@ _PASSED_ON = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 
 @dataclass(frozen=True)
 class Setting:
-    """What a class says of a keyword, see `setting`."""
+    """What a class says of a keyword.
 
-    default: Any
-    check: Callable[..., None] | None
-    convert: Callable[[Any], Any]
-    is_fixed: bool
-    is_settled: bool
-    part: str | None
-    idle_with: str | None
-
-
-def setting(
-    default: Any,
-    check: Callable[..., None] | None = None,
-    *,
-    convert: Callable[[Any], Any] = lambda value: value,
-    fixed: bool = False,
-    settled: bool = False,
-    part: str | None = None,
-    idle_with: str | None = None,
-) -> Any:
-    """Declare a setting.
-
-    Args:
+    Attributes:
         default: Its value where the constructor is given none.
         check: Raises ValueError for a value that it cannot have.
         convert: Makes the value of what the constructor is given.
@@ -48,7 +27,19 @@ def setting(
         part: Attribute of the part that has it too, and takes it up before each generation.
         idle_with: Argument for a part of the user's own, with which this has no effect and stays.
     """
-    return Setting(default, check, convert, fixed, settled or fixed, part, idle_with)
+
+    default: Any
+    check: Callable[..., None] | None = None
+    _: KW_ONLY
+    convert: Callable[[Any], Any] = lambda value: value
+    fixed: bool = False
+    settled: bool = False
+    part: str | None = None
+    idle_with: str | None = None
+
+
+setting: Callable[..., Any] = Setting
+"""Declares a setting, which is annotated with the type of its value."""
 
 
 def or_none(check: Callable[..., None]) -> Callable[..., None]:

@@ -197,7 +197,7 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._settled = {*_SETTLED} | {
             name
             for name, one in self._declared.items()
-            if one.is_settled or arguments.get(one.idle_with or "") is not None
+            if one.settled or one.fixed or arguments.get(one.idle_with or "") is not None
         }
 
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:

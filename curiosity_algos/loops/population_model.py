@@ -157,7 +157,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     @classmethod
     def _fixed(cls) -> set[str]:
         """Settings that the state in a file was made with, which `load` cannot replace."""
-        return {"policy_kwargs"} | {name for name, one in cls._declared.items() if one.is_fixed}
+        return {"policy_kwargs"} | {name for name, one in cls._declared.items() if one.fixed}
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:
         """Raise ValueError where the algorithm has no use for such behaviors of an env."""

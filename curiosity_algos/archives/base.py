@@ -222,8 +222,17 @@ class EliteArchive(ArchiveBase):
 
         An empty archive takes over the fields that it lacks; ValueError if it has others.
         """
-        known, is_empty = self._description, self.empty
-        self._description = describe_for_search(known, extra_fields, is_empty=is_empty)
+        known, fields, is_empty = self._description, describe(extra_fields), self.empty
+        wanted = {name: known[name] for name in ("solution", "objective", "measures")} | fields
+        if not (known.keys() <= wanted.keys() if is_empty else known == wanted):
+            described = ", ".join(
+                f"{name} {kind} {shape}" for name, (shape, kind) in fields.items()
+            )
+            raise ValueError(
+                f"`archive` must keep the extra fields {described} of each elite; an empty one "
+                "without extra fields is given them."
+            )
+        self._description = wanted
         if is_empty:
             self._begin()
         self.net_arch = [*net_arch]
@@ -308,7 +317,13 @@ class EliteArchive(ArchiveBase):
 
     def _restore(self, data: Batch) -> None:
         """Take over the elites of a file; ValueError unless they are as described."""
-        check_elites(data, self._description)
+        check_keys(data, [*self._description, "index"], "elites")
+        described = described_by(data)
+        for name in COMMON:
+            shape, wanted = described[name][0], self._description[name][0]
+            if shape != wanted:
+                raise ValueError(f"`{name}` must be of shape {wanted}, got {shape}.")
+        check_batch(described, {name: data[name] for name in described})
         self._put(data)
 
     def _put(self, data: Mapping[str, Array]) -> None:
@@ -380,25 +395,6 @@ def described_by(elites: Batch) -> Description:
     return {k: (array.shape[1:], array.dtype) for k, array in elites.items() if k != "index"}
 
 
-def describe_for_search(
-    known: Description, extra_fields: Mapping[str, tuple[Any, Any]], *, is_empty: bool
-) -> Description:
-    """The fields of an archive that is to serve a search, which keeps some extra fields.
-
-    An empty archive takes over those that it lacks; ValueError where it has others.
-    """
-    fields = describe(extra_fields)
-    common = {name: field for name, field in known.items() if name in {*COMMON, "threshold"}}
-    wanted = common | fields
-    if not (known.keys() <= wanted.keys() if is_empty else known == wanted):
-        described = ", ".join(f"{name} {dtype} {shape}" for name, (shape, dtype) in fields.items())
-        raise ValueError(
-            f"`archive` must keep the extra fields {described} of each elite; an empty one without "
-            "extra fields is given them."
-        )
-    return wanted
-
-
 def check_batch(description: Description, batch: Mapping[str, npt.ArrayLike]) -> Batch:
     """The arrays of a batch of n solutions; ValueError for fields that are not as described."""
     check_keys(batch, description, "batch")
@@ -411,13 +407,3 @@ def check_batch(description: Description, batch: Mapping[str, npt.ArrayLike]) ->
         if name in FINITE and not np.isfinite(data[name]).all():
             raise ValueError(f"`{name}` must be finite.")
     return data
-
-
-def check_elites(elites: Batch, known: Description) -> None:
-    """Raise ValueError unless elites of a file, with "index", are such as an archive keeps."""
-    check_keys(elites, [*known, "index"], "elites")
-    found = described_by(elites)
-    for name in COMMON:
-        if found[name][0] != known[name][0]:
-            raise ValueError(f"`{name}` must be of shape {known[name][0]}, got {found[name][0]}.")
-    check_batch(found, {name: elites[name] for name in found})

@@ -125,8 +125,8 @@ class QualityDiversity(EvolutionaryAlgorithm):
         super()._check_settings()
         if not isinstance(self._own_archive, self.archive_class | None):
             raise ValueError(
-                f"`archive` must be of the class {self.archive_class.__name__}, got "
-                f"{type(self._own_archive).__name__}."
+                f"`archive` must be of the class {self.archive_class.__name__} of "
+                f"curiosity_algos.archives, got {type(self._own_archive).__name__}."
             )
         self._check_behaviors(self._behavior_space)
 

@@ -18,14 +18,14 @@ from benchmarks.judging import (
     opposite,
     takes_longer,
 )
-from benchmarks.run_numbers import N_POLICIES, US
-from curiosity_algos.experiments.figures.plan import (
+from benchmarks.plan import (
     BOTTLENECK,
     COMPARED,
     CONTROL,
     MAZES,
     exploring,
 )
+from benchmarks.run_numbers import N_POLICIES, US
 
 SNAKE, _, HARD = MAZES
 BALL, FINGER, STACKER = CONTROL

@@ -6,8 +6,8 @@ import time
 from itertools import count
 
 from benchmarks.measure import Plan, Row, Stopwatch, Table
+from benchmarks.plan import MAZES
 from curiosity_algos import MAPElites
-from curiosity_algos.experiments.figures.plan import MAZES
 
 
 def run(plan: Plan) -> list[Table]:

@@ -11,15 +11,17 @@ import typer
 from matplotlib.figure import Figure
 
 from benchmarks.results import ENVIRONMENTS, read_curves
-from curiosity_algos.experiments.figures.canvas import (
+from curiosity_algos.experiments.canvas import (
+    Line,
     add_note,
     add_title,
     count_of_runs,
+    draw_lines,
+    legend_handles,
     make_panels,
     save_figure,
     short_name,
 )
-from curiosity_algos.experiments.figures.curves import Line, draw_lines, legend_handles
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.measures import Points
 

@@ -18,11 +18,11 @@ import numpy as np
 from scipy.stats import PermutationMethod, mannwhitneyu
 
 from benchmarks.paper import Tables
+from benchmarks.plan import Series
 from benchmarks.record import read_sections
 from benchmarks.run_numbers import Float64, measured
 from benchmarks.speed_tables import SPEED_FILE
-from curiosity_algos.experiments.figures.canvas import short_name
-from curiosity_algos.experiments.figures.plan import Series
+from curiosity_algos.experiments.canvas import short_name
 from curiosity_algos.experiments.statistics import LEAST_RUNS, Interval, stratified_bootstrap
 
 LEVEL = 0.05

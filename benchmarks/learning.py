@@ -12,9 +12,9 @@ from typing import Annotated, Any
 
 import typer
 
+from benchmarks.plan import CONTROL, MAZES
 from benchmarks.results import FOLDER, collect
 from curiosity_algos.cli.sweep import sweep
-from curiosity_algos.experiments.figures.plan import CONTROL, MAZES
 
 WORLDS = ("CuriosityLocomotion-AntTrap-v0", "CuriosityLocomotion-AntMaze-v0")
 LABYRINTH = ("CuriosityMaze-Labyrinth-v0",)

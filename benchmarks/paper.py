@@ -1,6 +1,6 @@
 """The paper's figures from committed data, and that from runs.
 
-`python -m benchmarks.paper collect RUNS` adds the finished runs of `curiosity reproduce` and
+`python -m benchmarks.paper collect RUNS` adds the finished runs of `benchmarks.reproduce` and
 `curiosity sweep` in a folder to the CSV files, `python -m benchmarks.paper draw` draws from these,
 light and dark, without a run. What is measured anew replaces what was there.
 
@@ -23,19 +23,17 @@ import numpy.typing as npt
 import pandas as pd
 import typer
 
-from benchmarks import results
+from benchmarks import paper_figures, results
 from benchmarks.figures import IMAGES, points_of
-from curiosity_algos.experiments import load_runs
-from curiosity_algos.experiments.figures import paper
-from curiosity_algos.experiments.figures.canvas import save_figure
-from curiosity_algos.experiments.figures.mazes import SIDE, Counts, count_final_states
-from curiosity_algos.experiments.figures.paper import MEASURES
-from curiosity_algos.experiments.figures.plan import Series, series_of
-from curiosity_algos.experiments.figures.projection import (
+from benchmarks.paper_figures import MEASURES, SIDE, Counts, count_final_states
+from benchmarks.plan import Series, series_of
+from benchmarks.projection import (
     Projection,
     project_rewarding,
     replay_rewarding,
 )
+from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments.canvas import save_figure
 from curiosity_algos.experiments.measures import Points, logged
 from curiosity_algos.experiments.run import Run
 
@@ -253,7 +251,7 @@ def draw(out: Path = IMAGES, folder: Path = FOLDER) -> None:
         for figure, (ending, theme) in product(figures, THEMES.items()):
             with mpl.rc_context(theme):
                 path = out / f"{settings}_figure_{figure}{ending}.png"
-                save_figure(paper.draw(figure, evidence), path)
+                save_figure(paper_figures.draw(figure, evidence), path)
                 typer.echo(path)
 
 

@@ -11,10 +11,10 @@ from benchmarks.claims import CLAIMS
 from benchmarks.judging import Verdict
 from benchmarks.measure import markdown
 from benchmarks.paper import PUBLIC_STEP, Tables
+from benchmarks.plan import series_of
 from benchmarks.results import ENVIRONMENTS, in_order
 from benchmarks.run_numbers import N_POLICIES, US, measured
-from curiosity_algos.experiments.figures.canvas import short_name
-from curiosity_algos.experiments.figures.plan import series_of
+from curiosity_algos.experiments.canvas import short_name
 from curiosity_algos.experiments.statistics import interquartile_mean, stratified_bootstrap
 
 evidence = cache(Tables)

@@ -20,8 +20,7 @@ from benchmarks.figures import IMAGES, lines_of
 from benchmarks.learning import ALGORITHMS
 from benchmarks.results import read_curves
 from curiosity_algos.experiments import load_final_states, load_runs
-from curiosity_algos.experiments.figures.canvas import add_note, make_panels, save_figure
-from curiosity_algos.experiments.figures.curves import draw_lines
+from curiosity_algos.experiments.canvas import add_note, draw_lines, make_panels, save_figure
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_gym.maze.plots import plot_density
 

@@ -17,7 +17,7 @@ from ribs.archives import ArchiveBase
 from ribs.emitters import EmitterBase
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES
+from benchmarks.plan import BUDGETS, MAZES
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import train
 from curiosity_algos.search.emitters import Batch, ParetoEmitter

@@ -15,8 +15,8 @@ from scipy.spatial.distance import cdist
 from scipy.stats import entropy
 
 from benchmarks.paper import COLUMNS, SIZE, Tables
-from curiosity_algos.experiments.figures.mazes import SIDE
-from curiosity_algos.experiments.figures.plan import BUDGETS, CONTROL, MAZES
+from benchmarks.paper_figures import SIDE
+from benchmarks.plan import BUDGETS, CONTROL, MAZES
 from curiosity_gym.layouts import reachable_cells
 
 Float64 = npt.NDArray[np.float64]

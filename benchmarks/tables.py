@@ -22,7 +22,7 @@ from benchmarks.paper import SETTINGS
 from benchmarks.record import read_sections
 from benchmarks.results import ENVIRONMENTS, in_order, rank, read_rows, read_runs
 from benchmarks.speed_tables import HEADLINES, SPEED_FILE, filled, section, summary_of
-from curiosity_algos.experiments.figures.canvas import short_name
+from curiosity_algos.experiments.canvas import short_name
 from curiosity_algos.experiments.statistics import (
     Interval,
     interquartile_mean,

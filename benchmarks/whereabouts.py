@@ -22,7 +22,7 @@ from benchmarks.opening import read_ends
 from benchmarks.results import FOLDER, label, rank
 from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.experiments import load_runs
-from curiosity_algos.experiments.figures.canvas import (
+from curiosity_algos.experiments.canvas import (
     add_note,
     make_panels,
     save_figure,

@@ -70,6 +70,7 @@ SLOW = [
     "test_examples.py",
     "test_extras.py",
     "test_paper_evidence.py",
+    "test_reproduce.py",
     "test_rl_zoo3.py",
 ]
 """Files and folders that start processes, compile emitters, or train: not in `make check`."""
@@ -183,3 +184,25 @@ def _memory_goes_back():
     yield
     if sys.platform == "linux":
         getattr(ctypes.CDLL(None), "malloc_trim", int)(0)  # other libraries have none
+
+
+@pytest.fixture
+def has_ink():
+    """Whether a figure shows more than a grid within each of some axes."""
+
+    def check(figure, *axes):
+        import numpy as np
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        for ax in axes:
+            ax.grid(False)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        picture = np.asarray(canvas.buffer_rgba())[::-1, :, :3]  # y points up
+        insides = []
+        for ax in axes:
+            left, bottom, right, top = map(int, ax.get_window_extent().extents)
+            insides.append(picture[bottom + 3 : top - 3, left + 3 : right - 3])
+        return all((inside != inside[0, 0]).any() for inside in insides)
+
+    return check

@@ -14,10 +14,10 @@ from scipy.stats import mannwhitneyu
 
 from benchmarks import judging, paper, paper_tables, reasons, run_numbers
 from benchmarks.claims import CLAIMS
+from benchmarks.plan import BUDGETS, MAZES, Plan, Series, series_of
+from benchmarks.reproduce import TrainedRuns
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.experiments import statistics
-from curiosity_algos.experiments.figures.paper import TrainedRuns
-from curiosity_algos.experiments.figures.plan import BUDGETS, MAZES, Plan, Series, series_of
 from curiosity_algos.experiments.loading import load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.sweep import sweep

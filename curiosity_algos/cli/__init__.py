@@ -14,22 +14,19 @@ from curiosity_algos.cli.enjoy import enjoy
 from curiosity_algos.cli.export import export
 from curiosity_algos.cli.list_names import list_names
 from curiosity_algos.cli.plot import plot, report
-from curiosity_algos.cli.reproduce import reproduce
 from curiosity_algos.cli.robustify import robustify
 from curiosity_algos.cli.sweep import sweep
 from curiosity_gym import __version__
 
 INTERRUPTED = 130
 """A command's status after Ctrl-C."""
-TRAINING = {"train", "sweep", "robustify", "reproduce"}
-"""Commands that go on with what was interrupted."""
 app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("train")(sweep)
-for command in (robustify, enjoy, export, sweep, plot, report, reproduce):
+for command in (robustify, enjoy, export, sweep, plot, report):
     app.command()(command)
 app.command("list")(list_names)
 
@@ -62,8 +59,8 @@ def _is_mistake(error: Exception) -> bool:
     return source in {"curiosity_algos", "curiosity_gym"}
 
 
-def main() -> None:
-    """Run the command.
+def main(app: typer.Typer = app) -> None:
+    """Run a command, `curiosity` or another.
 
     A mistake is one line on standard error and a status that is not 0; what other code raises, such
     as an environment's, keeps its traceback.
@@ -79,6 +76,6 @@ def main() -> None:
         message += "".join(f" ({note})" for note in getattr(error, "__notes__", []))
         print(f"Error: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(getattr(error, "exit_code", 1))
-    if status == INTERRUPTED and not TRAINING.isdisjoint(sys.argv[1:2]):  # typer's status, too
+    if status == INTERRUPTED:  # typer's status, too
         print("Interrupted: runs go on when the same command is given again.", file=sys.stderr)
     sys.exit(status if isinstance(status, int) else 0)

@@ -29,7 +29,7 @@ def plot(
 
     Example: curiosity plot runs --y survival --out first_reward.pdf
     """
-    from curiosity_algos.experiments.figures import canvas, comparison
+    from curiosity_algos.experiments import canvas, comparison
 
     canvas.check_out(out)
     canvas.save_figure(comparison.compare(runs, y=y, x=x), out)

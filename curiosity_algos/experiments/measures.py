@@ -25,9 +25,6 @@ Points: TypeAlias = tuple[Float64Array, Float64Array]
 Measure: TypeAlias = Callable[[Run], Points]
 """Reads a curve of a run."""
 
-EPISODES = 56
-"""Episodes that count as a generation where an algorithm has none: the paper's population."""
-
 
 def load_compared(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     """`load_runs`, named for comparison.
@@ -109,17 +106,8 @@ def coverage(run: Run) -> Points:
 def best_return(run: Run) -> Points:
     """Highest return of an episode so far, from the first generation on."""
     states = final_states(run)
-    timesteps, returns = _highest(states, states["timesteps"])
+    timesteps, returns = highest(states, states["timesteps"])
     return timesteps, np.maximum.accumulate(returns)
-
-
-def generation_return(run: Run) -> Points:
-    """Highest return of each generation; of 56 episodes where the algorithm trains one policy."""
-    states = final_states(run)
-    generation = states["generation"]
-    if not generation.any():
-        generation = np.arange(len(generation)) // EPISODES
-    return _highest(states, generation)
 
 
 def final_states(run: Run) -> dict[str, Array]:
@@ -129,7 +117,7 @@ def final_states(run: Run) -> dict[str, Array]:
     return run.final_states
 
 
-def _highest(states: dict[str, Array], group: Array) -> Points:
+def highest(states: dict[str, Array], group: Array) -> Points:
     """Timesteps at the end of each group of episodes in a row, and its highest return."""
     first = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
     last = np.r_[first[1:], len(group)] - 1

@@ -166,27 +166,6 @@ def assert_resumes_fixture(tmp_path):
 
 
 @pytest.fixture
-def has_ink():
-    """Whether a figure shows more than a grid within each of some axes."""
-
-    def check(figure, *axes):
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-        for ax in axes:
-            ax.grid(False)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        picture = np.asarray(canvas.buffer_rgba())[::-1, :, :3]  # y points up
-        insides = []
-        for ax in axes:
-            left, bottom, right, top = map(int, ax.get_window_extent().extents)
-            insides.append(picture[bottom + 3 : top - 3, left + 3 : right - 3])
-        return all((inside != inside[0, 0]).any() for inside in insides)
-
-    return check
-
-
-@pytest.fixture
 def tracked():
     """The id of environments that are counted while they are open, in `Tracked.opened`."""
     gym.register("Tracked-v0", Tracked)

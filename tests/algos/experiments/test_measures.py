@@ -9,11 +9,9 @@ import pytest
 
 from curiosity_algos import MAPElites
 from curiosity_algos.experiments.measures import (
-    EPISODES,
     best_return,
     coverage,
     first_of,
-    generation_return,
     in_seconds,
     load_compared,
     times_to_first,
@@ -132,52 +130,23 @@ def test_seconds_are_known_to_the_end_without_a_log(copied):
     np.testing.assert_allclose(half, [0.0, result["seconds"] / 2, result["seconds"]])
 
 
-def test_returns_are_those_of_the_generations(runs):
+def test_the_best_return_so_far_is_that_of_the_generations(runs):
     run = Run(runs[0])
     states = run.final_states
     assert states["return"].max() > 0.0
-    timesteps, best = generation_return(run)
+    timesteps, best = best_return(run)
     generations = np.unique(states["generation"])
     assert len(timesteps) == len(best) == len(generations)
     for i, generation in enumerate(generations):
         members = states["generation"] == generation
         assert timesteps[i] == states["timesteps"][members][0]
-        assert best[i] == states["return"][members].max()
-    so_far = best_return(run)
-    np.testing.assert_array_equal(so_far[0], timesteps)
-    assert so_far[1].tolist() == [max(best[: i + 1]) for i in range(len(best))]
-    assert (np.diff(best) < 0.0).any()  # else the two could not be told apart
-
-
-def write_run(folder, **columns):
-    run = RunFolder(folder)
-    run.begin({"algorithm": "TD3ICM", "env": "CuriosityMaze-US-v0", "seed": 0})
-    if columns:
-        run.add_final_states(0, columns | {"behavior": np.zeros((len(columns["return"]), 2))})
-    return Run(folder)
-
-
-def test_an_algorithm_without_generations_counts_56_episodes_as_one(tmp_path):
-    n = 2 * EPISODES + 3
-    returns = np.random.default_rng(0).random(n)
-    run = write_run(
-        tmp_path,
-        generation=np.zeros(n, dtype=int),
-        timesteps=10 * np.arange(1, n + 1),
-        **{"return": returns},
-    )
-    timesteps, best = generation_return(run)
-    assert timesteps.tolist() == [560, 1120, 1150]
-    assert best.tolist() == [max(returns[i : i + 56]) for i in (0, 56, 112)]
-    timesteps, best = best_return(run)  # of every episode
-    assert timesteps.tolist() == list(range(10, 1151, 10))
-    assert best[7] == returns[:8].max()
+        assert best[i] == states["return"][states["generation"] <= generation].max()
 
 
 def test_a_run_that_has_just_begun_has_no_return_and_is_at_0(tmp_path):
-    run = write_run(tmp_path)
-    for measure in (best_return, generation_return):
-        with pytest.raises(ValueError, match=r"final states of .* are missing"):
-            measure(run)
+    RunFolder(tmp_path).begin({"algorithm": "TD3ICM", "env": "CuriosityMaze-US-v0", "seed": 0})
+    run = Run(tmp_path)
+    with pytest.raises(ValueError, match=r"final states of .* are missing"):
+        best_return(run)
     assert [values.tolist() for values in coverage(run)] == [[0.0], [0.0]]
     assert in_seconds(run, [0.0]).tolist() == [0.0]

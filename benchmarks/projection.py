@@ -11,14 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from sklearn.decomposition import PCA
+from typer import BadParameter
 
 from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.evaluator import make_evaluator, replay
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.rollouts import Rollouts
+from curiosity_algos.experiments.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.export.policies import draw
-from curiosity_algos.experiments.figures.canvas import add_note, add_title, make_panels, polish
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.reading import REWARDING, read_arrays
 from curiosity_algos.experiments.run import Run
@@ -94,13 +96,11 @@ def project_rewarding(rewarding: Mapping[str, Sequence[Rewarding]]) -> Projectio
     """Project the rewarding policies of several algorithms' runs together.
 
     Raises:
-        ValueError: If there are fewer than three policies in all.
+        typer.BadParameter: If there are fewer than three policies in all.
     """
-    from sklearn.decomposition import PCA
-
     numbers = [sum(len(run.returns) for run in runs) for runs in rewarding.values()]
     if sum(numbers) < 3:
-        raise ValueError("`runs` must have 3 rewarding policies, they have fewer.")
+        raise BadParameter("`runs` must have 3 rewarding policies, they have fewer.")
     pooled = [run for runs in rewarding.values() for run in runs]
     states = np.concatenate([run.states for run in pooled])
     pca = PCA(2, svd_solver="arpack", random_state=0)  # exact, and no more than two are computed

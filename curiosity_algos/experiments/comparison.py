@@ -9,21 +9,19 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from curiosity_algos.experiments.elites import qd_score, with_archives
-from curiosity_algos.experiments.figures.canvas import (
+from curiosity_algos.experiments.canvas import (
+    Line,
     add_note,
     add_title,
     count_of_runs,
+    draw_lines,
+    draw_nothing,
+    legend_handles,
     make_panels,
     polish,
     short_name,
 )
-from curiosity_algos.experiments.figures.curves import (
-    Line,
-    draw_lines,
-    draw_nothing,
-    legend_handles,
-)
+from curiosity_algos.experiments.elites import qd_score, with_archives
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.measures import (
     Measure,

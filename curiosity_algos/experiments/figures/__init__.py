@@ -1,1 +1,0 @@
-"""Figures of runs, the paper's among them, as matplotlib's Figure objects."""

@@ -34,8 +34,8 @@ from benchmarks.projection import (
 )
 from curiosity_algos.experiments import load_runs
 from curiosity_algos.experiments.canvas import save_figure
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.measures import Points, logged
-from curiosity_algos.experiments.run import Run
 
 FOLDER = results.FOLDER / "paper"
 N_POINTS = 100

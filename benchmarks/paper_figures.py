@@ -27,6 +27,7 @@ from curiosity_algos.experiments.canvas import (
     short_name,
 )
 from curiosity_algos.experiments.labels import COLORS
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.measures import (
     Measure,
     Points,
@@ -35,7 +36,6 @@ from curiosity_algos.experiments.measures import (
     final_states,
     highest,
 )
-from curiosity_algos.experiments.run import Run
 from curiosity_gym.maze.dynamics import N_BASE_FEATURES
 from curiosity_gym.maze.plots import count, draw_counts, draw_layout
 from curiosity_gym.maze.viewer import HIT
@@ -119,9 +119,9 @@ def _show_curves(
     legend: list[Line] = []
     for ax, (env, panel) in zip(axes.flat, panels.items(), strict=True):
         lines = [_line(series, evidence.curves(series, env, measure)) for series in panel]
-        drawn = [line for line in lines if line.has_values]
+        drawn = [line for line in lines if _has_values(line)]
         draw_lines(ax, drawn, x_unit=1e6, y_unit=0.01 if "%" in y_label else 1.0)
-        without_reward = [line.label for line in lines if line.curves and not line.has_values]
+        without_reward = [line.label for line in lines if line.curves and not _has_values(line)]
         not_trained = [line.label for line in lines if not line.curves]
         notes = _note("no reward", without_reward) + _note("not trained", not_trained)
         ax.set(title=short_name(env), xlabel="\n".join(["timesteps (millions)", *notes]))
@@ -130,6 +130,10 @@ def _show_curves(
     add_title(drawing, title, legend_handles(legend))
     add_note(drawing, NOTE.format(count_of_runs([len(line.curves) for line in legend])))
     return drawing
+
+
+def _has_values(line: Line) -> bool:
+    return any((values > 0.0).any() for _, values in line.curves)
 
 
 def _note(words: str, labels: list[str]) -> list[str]:

@@ -22,8 +22,8 @@ from curiosity_algos.experiments.canvas import add_note, add_title, make_panels,
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.export.policies import draw
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.reading import REWARDING, read_arrays
-from curiosity_algos.experiments.run import Run
+from curiosity_algos.experiments.loading import Run
+from curiosity_algos.experiments.run_folder import REWARDING, read_arrays
 
 N_STATES = 300
 """Last states of an episode, as many as in the paper."""

@@ -20,8 +20,8 @@ from curiosity_algos.cli import main
 from curiosity_algos.cli.options import check_all, numbers
 from curiosity_algos.common.presets import PRESETS
 from curiosity_algos.experiments.canvas import add_note, check_out, save_figure
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.measures import Points
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.sweep import sweep
 from curiosity_gym.validation import check_choice
 

@@ -42,8 +42,8 @@ from curiosity_algos.evaluation import evaluator
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.experiments import SaveRun, load_runs, statistics
 from curiosity_algos.experiments.labels import COLORS
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.measures import best_return
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym.built_in import BUILT_IN
 

@@ -12,10 +12,11 @@ import typer
 
 from curiosity_algos.cli.enjoy import enjoy
 from curiosity_algos.cli.export import export
-from curiosity_algos.cli.list_names import list_names
 from curiosity_algos.cli.plot import plot, report
 from curiosity_algos.cli.robustify import robustify
 from curiosity_algos.cli.sweep import sweep
+from curiosity_algos.common import names
+from curiosity_algos.common.presets import PRESETS
 from curiosity_gym import __version__
 
 INTERRUPTED = 130
@@ -28,7 +29,20 @@ app = typer.Typer(
 app.command("train")(sweep)
 for command in (robustify, enjoy, export, sweep, plot, report):
     app.command()(command)
-app.command("list")(list_names)
+
+
+@app.command("list")
+def list_names() -> None:
+    """Print environments, algorithms, bonuses and presets."""
+    for title, known in {
+        "Environments": names.ENVIRONMENTS,
+        "Algorithms": names.ALGORITHMS,
+        "Algorithms of Stable-Baselines3": names.STABLE_BASELINES,
+        "Algorithms of sb3-contrib": names.CONTRIB,
+        "Bonuses": names.BONUS_NAMES,
+        "Presets": PRESETS,
+    }.items():
+        typer.echo("\n  ".join([f"{title}:", *known]))
 
 
 def _print_version(is_asked: bool) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from typer import Argument, Option, echo
 
-from curiosity_algos.cli.options import ALGOS, Trust, find_own_modules
+from curiosity_algos.cli.options import Trust, find_own_modules
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -23,7 +23,6 @@ def enjoy(
         Option(
             help="Algorithm whose best policy the package has, for the run's.",
             metavar="ALGO",
-            autocompletion=ALGOS,
         ),
     ] = None,
     out: Annotated[

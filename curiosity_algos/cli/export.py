@@ -18,19 +18,11 @@ def export(
         str, Option(help="Id of the dataset, such as curiosity/us-v0, or the .onnx file.")
     ],
     policies: Annotated[
-        str | None,
-        Option(
-            help="Policies that play: elites, rewarding, or a sample of all.",
-            show_default="rewarding",
-        ),
-    ] = None,
+        str, Option(help="Policies that play: elites, rewarding, or a sample of all.")
+    ] = "rewarding",
     n_policies: Annotated[
-        int | None,
-        Option(
-            help="Most policies that play. If there are more, a sample is drawn.",
-            show_default="1000",
-        ),
-    ] = None,
+        int, Option(help="Most policies that play. If there are more, a sample is drawn.")
+    ] = 1000,
     trust: Trust = False,
 ) -> None:
     """Write episodes of a run for Minari, or its policy as ONNX.
@@ -47,10 +39,9 @@ def export(
     if trust:
         find_own_modules()
     options: dict[str, Any] = {"policies": policies, "n_policies": n_policies}
-    options = {name: value for name, value in options.items() if value is not None}
     if to == "onnx":
-        for name in options:
-            raise ValueError(f"`{name}` must be left out with --to onnx, for the best policy only.")
+        if options != {"policies": "rewarding", "n_policies": 1000}:
+            raise ValueError("`policies` and `n_policies` must be left out with --to onnx.")
         export_onnx(run, out)
         echo(out)
         return

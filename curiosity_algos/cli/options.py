@@ -4,40 +4,18 @@ from __future__ import annotations
 
 import ast
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
-import gymnasium as gym
 import typer
 
-from curiosity_algos.common.names import BONUS_NAMES, KNOWN
-
 if TYPE_CHECKING:
-    from curiosity_algos.experiments.run_envs import Wrapping
-    from curiosity_algos.experiments.run_spec import RunSpec
+    from curiosity_algos.experiments.run_spec import RunSpec, Wrapping
 
 Trust = Annotated[
     bool, typer.Option("--trust", help="Also run code that the run's folder names or contains.")
 ]
-
-
-def completion(known: Iterable[str]) -> Callable[[str], list[str]]:
-    """Complete a name, or the last of several with commas between them; import nothing slow."""
-
-    def complete(incomplete: str) -> list[str]:
-        before, comma, last = incomplete.rpartition(",")
-        return [f"{before}{comma}{name}" for name in known if name.startswith(last)]
-
-    return complete
-
-
-WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
-"""The ends of words within the name of a class."""
-ALGOS = completion([WORDS.sub("_", name).lower() for name in KNOWN])
-ENVS = completion(gym.registry)
-BONUSES = completion(("none", *BONUS_NAMES))
 
 
 def find_own_modules() -> None:

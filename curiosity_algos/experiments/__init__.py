@@ -1,7 +1,6 @@
 """Experiments: runs that leave a record, and what is made of them."""
 
-from curiosity_algos.experiments.loading import load_final_states, load_progress, load_runs
-from curiosity_algos.experiments.run import Run
+from curiosity_algos.experiments.loading import Run, load_final_states, load_progress, load_runs
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 

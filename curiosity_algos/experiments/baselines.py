@@ -39,11 +39,7 @@ def is_foreign(cls: type[Any]) -> bool:
 
 
 def find_bonus(name: str) -> str:
-    """The known name of a bonus, in any spelling.
-
-    Raises:
-        ValueError: If there is none; the nearest is suggested.
-    """
+    """The known name of a bonus, in any spelling; ValueError if there is none."""
     return find_known("bonus", name, BONUSES, spelled=plain_name)
 
 
@@ -68,11 +64,7 @@ def make_baseline(
     seed: int,
     **settings: Any,
 ) -> BaseAlgorithm:
-    """A model that has not trained; one that is off-policy adds its bonus when it samples.
-
-    Raises:
-        ValueError: If a name or a keyword is wrong, or a replay buffer is given beside a bonus.
-    """
+    """A model that has not trained; one that is off-policy adds its bonus when it samples."""
     settings = {"policy": _default_policy(venv.observation_space), "seed": seed, **settings}
     if bonus is None and bonus_kwargs:
         raise ValueError("`bonus_kwargs` must be left out where there is no `bonus`.")
@@ -120,11 +112,7 @@ def load_baseline(
 def load_baseline_policy(
     cls: type[Any], checkpoint: Path, described: Mapping[str, Any], env: gym.Env[Any, Any]
 ) -> BasePolicy:
-    """The policy of a checkpoint, read without running code: made as `run.json` says.
-
-    Raises:
-        ValueError: If that does not say it all, as of classes among `policy_kwargs`.
-    """
+    """The policy of a checkpoint, read without running code: made as `run.json` says."""
     _, states, _ = load_from_zip_file(checkpoint / "model", load_data=False, device="cpu")
     seen = cls._wrap_env(env).observation_space  # of images with the channels first
     policies = {each.__qualname__: each for each in cls.policy_aliases.values()}

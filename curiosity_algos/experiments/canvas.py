@@ -107,11 +107,6 @@ class Line:
     curves: Sequence[Points]
     style: Literal["-", "--"] = "-"
 
-    @property
-    def has_values(self) -> bool:
-        """Whether any run has a value above 0."""
-        return any((values > 0.0).any() for _, values in self.curves)
-
 
 def draw_lines(
     ax: Axes, lines: Sequence[Line], *, x_unit: float = 1.0, y_unit: float = 1.0

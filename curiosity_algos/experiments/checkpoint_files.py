@@ -54,11 +54,7 @@ _PLAIN_BUFFERS = (ReplayBuffer, DictReplayBuffer, NStepReplayBuffer)
 
 
 def check_recordable(model: object) -> None:
-    """Check that a run of the model can be recorded.
-
-    Raises:
-        ValueError: If it steps no VecEnv, or no Monitor sees its episodes.
-    """
+    """Raise ValueError if the model steps no VecEnv, or no Monitor sees its episodes."""
     if isinstance(model, EvolutionaryAlgorithm):
         return
     if not isinstance(model, OnPolicyAlgorithm | OffPolicyAlgorithm):

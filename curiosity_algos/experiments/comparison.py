@@ -21,18 +21,19 @@ from curiosity_algos.experiments.canvas import (
     polish,
     short_name,
 )
-from curiosity_algos.experiments.elites import qd_score, with_archives
 from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.loading import StrPath
 from curiosity_algos.experiments.measures import (
     Measure,
     best_return,
     coverage,
     first_of,
     load_compared,
+    qd_score,
     read_curves,
     times_to_first,
+    with_archives,
 )
-from curiosity_algos.experiments.run import StrPath
 from curiosity_gym.validation import check_choice
 
 CURVES: dict[str, tuple[Measure | None, str, str, float]] = {

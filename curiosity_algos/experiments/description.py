@@ -1,4 +1,4 @@
-"""Descriptions of runs: algorithm, environment, every setting, and where it ran."""
+"""Descriptions of runs: algorithm, environment, every setting, and where it ran; are two alike?"""
 
 from __future__ import annotations
 
@@ -36,6 +36,12 @@ from curiosity_gym.core import entry_names
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.processors import available_cpus
 
+MAY_DIFFER = {"device", "n_threads", "tensorboard_log", "verbose"}
+"""Settings that results do not depend on."""
+_FIELDS = (
+    *("algorithm", "env", "env_class", "env_kwargs", "wrappers", "vec_env", "seed"),
+    *("settings", "num_timesteps"),
+)
 PACKAGES = (
     *("curiosity-search", "numpy", "numba", "torch", "gymnasium", "stable-baselines3"),
     *("ribs", "mujoco", "dm-control", "gymnasium-robotics"),
@@ -241,3 +247,22 @@ def cpu_model() -> str:
     lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
     models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor() or platform.machine()
+
+
+def check_same(folder: Path, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
+    """Raise a ValueError that names the first field in which the run in a folder is another."""
+    one, other = ({name: described.get(name) for name in _FIELDS} for described in (there, here))
+    if found := difference(one, other):
+        raise ValueError(f"`folder` must be empty or that of this run: in {folder} {found}.")
+
+
+def difference(there: Any, here: Any, name: str = "") -> str | None:
+    """The first value that differs, such as `settings.sigma is 0.3, not 0.5`, or None."""
+    if not (isinstance(there, Mapping) and isinstance(here, Mapping)):
+        return None if there == here else f"{name} is {json.dumps(there)}, not {json.dumps(here)}"
+    for key in dict.fromkeys([*there, *here]):
+        path = f"{name}.{key}" if name else key
+        found = key not in MAY_DIFFER and difference(there.get(key), here.get(key), path)
+        if found:
+            return found
+    return None

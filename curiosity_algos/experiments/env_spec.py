@@ -21,10 +21,8 @@ from curiosity_gym.layouts import MazeLayout
 def encode_spec(spec: EnvSpec) -> dict[str, Any]:
     """All of a spec but how to render.
 
-    Classes are named by their modules, so that ids which only such a module registers work too.
-
-    Raises:
-        ValueError: If no file can say how to make the environment; it says why.
+    Classes are named by their modules, so that ids which only such a module registers work too. A
+    ValueError says why no file can say how to make the environment.
     """
     fields = {each.name: getattr(spec, each.name) for each in dataclasses.fields(spec) if each.init}
     fields["entry_point"] = _named(spec.entry_point)
@@ -67,13 +65,8 @@ def _named(entry: object) -> str | None:
 def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> EnvSpec:
     """The spec that `encode_spec` was given, for `gymnasium.make`.
 
-    Args:
-        encoded: What `encode_spec` returned, also of a stranger; None where there is none.
-        trust: Import whatever it names. Otherwise environments must be registered, and wrappers
-            be of Gymnasium or of this package, and write no files.
-
-    Raises:
-        ValueError: If it is missing or damaged, or needs trust.
+    Without `trust` environments must be registered, and wrappers be of Gymnasium or of this
+    package, and write no files: ValueError.
     """
     try:
         tree = dict(encoded or {})
@@ -108,17 +101,7 @@ def _is_known(wrapper: WrapperSpec) -> bool:
 
 
 def make_env(described: Mapping[str, Any], *, trust: bool, **rendering: Any) -> gym.Env[Any, Any]:
-    """An environment as a run was trained in.
-
-    Args:
-        described: The description of the run.
-        trust: Also run code that it names, see `decode_spec`.
-        **rendering: Keywords about pictures.
-
-    Raises:
-        ValueError: If it cannot be made, or needs trust.
-        gymnasium.error.DependencyNotInstalled: If the extra that it needs is not installed.
-    """
+    """An environment as a run was trained in; ValueError if it cannot be made, or needs trust."""
     if reason := described.get("env_unknown"):
         raise ValueError(
             f"`env` must be given, in Python, as run.json cannot say how it is made: {reason}."

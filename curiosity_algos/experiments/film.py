@@ -22,8 +22,8 @@ from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.experiments.baselines import load_baseline_policy
 from curiosity_algos.experiments.env_spec import given_or_made, make_env
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state.atomic_file import atomic_file
@@ -183,7 +183,7 @@ def _load(
 def _algorithm(described: Mapping[str, Any]) -> type[Any]:
     """The class of a run's algorithm; its policy must act on the environment's observations."""
     name = described["algorithm"].partition(" + ")[0]
-    wrappers = {*described.get("vec_env", {}).get("wrappers", {})} - SEEN_THROUGH
+    wrappers = {*(described.get("vec_env") or {}).get("wrappers", {})} - SEEN_THROUGH
     if name not in KNOWN or wrappers:
         raise ValueError(
             "`run` must be of an algorithm that `curiosity list` names, and of a policy that acts "

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from curiosity_algos.experiments.differences import MAY_DIFFER
+from curiosity_algos.experiments.description import MAY_DIFFER
 
 COLORS = {
     "CuriosityES": "#CC3311",

@@ -1,23 +1,78 @@
-"""Runs as pandas' tables."""
+"""What runs have left in their folders, for those who only read it; pandas' tables of many."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeAlias
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.experiments.run import Run, StrPath
+from curiosity_algos.common.arrays import Array
+from curiosity_algos.experiments.run_folder import RunFolder, read_final_states, read_log
 
+StrPath: TypeAlias = str | os.PathLike[str]
 KEYS = ("algorithm", "env", "seed")
 FOR_PROGRAMS = {
     *("run", "env_spec", "env_unknown", "behavior_names", "archive"),
     *("pending_log", "in_force", "ended"),
 }
 """Fields that make the environment again or continue the run: tables leave them out."""
+
+
+class Run:
+    """A run that is read: each of its files once, when it is first asked for.
+
+    Another `Run` of the folder reads what has been written since.
+
+    Args:
+        path: Folder of the run.
+
+    Raises:
+        FileNotFoundError: When an attribute is read, if there is no run.
+        ValueError: Likewise, if the run is of another format, or a file is damaged.
+    """
+
+    def __init__(self, path: StrPath) -> None:
+        self.folder = RunFolder(path)
+
+    def __str__(self) -> str:
+        return str(self.folder.path)
+
+    @cached_property
+    def description(self) -> dict[str, Any]:
+        """The fields of `run.json`."""
+        return self.folder.describe()
+
+    @cached_property
+    def result(self) -> dict[str, Any]:
+        """The fields of `result.json` in the last checkpoint; empty before the first."""
+        return self.folder.result()
+
+    @cached_property
+    def progress(self) -> pd.DataFrame:
+        """The rows of `progress.csv`: columns of floats, or of texts."""
+        return read_log(self.folder.progress).apply(_as_numbers)
+
+    @cached_property
+    def final_states(self) -> dict[str, Array]:
+        """The columns of the final states, an entry for each episode; empty before the first."""
+        _ = self.description  # raises where there is no run
+        return read_final_states(self.folder.final_state_files())
+
+    def forget_final_states(self) -> None:
+        """Free the memory of the final states: they are read again when they are asked for."""
+        vars(self).pop("final_states", None)
+
+
+def _as_numbers(texts: pd.Series) -> pd.Series:
+    texts = texts.where(texts != "")  # a row may lack an entry
+    try:
+        return texts.astype(float)
+    except ValueError:
+        return texts
 
 
 def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
@@ -88,7 +143,7 @@ def load_progress(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def load_final_states(folder: StrPath) -> dict[str, npt.NDArray[np.generic]]:
+def load_final_states(folder: StrPath) -> dict[str, Array]:
     """The ends of every episode of one run, in their order.
 
     Returns:

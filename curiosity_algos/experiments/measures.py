@@ -7,6 +7,7 @@ has no such curve.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -15,15 +16,18 @@ import pandas as pd
 
 from curiosity_algos.common.arrays import Array, Float64Array
 from curiosity_algos.experiments.labels import label_runs, setting_text
-from curiosity_algos.experiments.loading import find_runs, tabulate
+from curiosity_algos.experiments.loading import Run, StrPath, find_runs, tabulate
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS
-from curiosity_algos.experiments.run import Run, StrPath
 from curiosity_algos.experiments.statistics import Survival, survival
 
 Points: TypeAlias = tuple[Float64Array, Float64Array]
 """Timesteps or seconds (n,), and the value from then on (n,)."""
 Measure: TypeAlias = Callable[[Run], Points]
 """Reads a curve of a run."""
+QD_SCORE, SIZE = "archive/qd_score", "archive/size"
+"""Columns of the log."""
+CELLS = {"dims", "centroids"}
+"""Settings of archives that say which cells they have."""
 
 
 def load_compared(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
@@ -146,3 +150,35 @@ def in_seconds(run: Run, timesteps: npt.ArrayLike) -> Float64Array:
     if end and end["timesteps"] > known[-1]:
         known, seconds = np.r_[known, end["timesteps"]], np.r_[seconds, end["seconds"]]
     return np.interp(np.asarray(timesteps, dtype=np.float64), known, seconds)
+
+
+qd_score = partial(logged, column=QD_SCORE)
+"""Sum of the elites' returns, less the archive's `qd_score_offset` for each of them."""
+n_elites = partial(logged, column=SIZE)
+"""Number of elites."""
+
+
+def with_archives(runs: pd.DataFrame) -> pd.DataFrame:
+    """The rows of `load_compared` whose logs have a QD score, and a column `archive`.
+
+    QD scores of one `archive` can be compared: they are of one environment, and of archives of one
+    class with the same cells and `qd_score_offset`. Of archives without cells, such as
+    `UnstructuredArchive`, each label has its own.
+    """
+    archives = [_archive_of(*row) for row in zip(runs["files"], runs["label"], strict=True)]
+    texts = pd.DataFrame(archives, index=runs.index).dropna(how="all").astype(object)
+    texts = texts.where(texts.notna(), "none").reindex(columns=["archive", *texts.columns[1:]])
+    runs = runs.loc[texts.index]
+    names = runs["env"] + ", " + texts.pop("archive")
+    return runs.assign(archive=with_differences(names, texts))
+
+
+def _archive_of(run: Run, label: str) -> dict[str, str]:
+    """The class of a run's `archive` and its settings, in words; empty without a QD score."""
+    archive = run.description.get("archive")
+    if not archive or not {QD_SCORE, SIZE} <= {*run.progress}:
+        return {}
+    ((name, settings),) = archive.items()
+    if settings.keys() & CELLS:
+        return {"archive": name} | {key: str(value) for key, value in settings.items()}
+    return {"archive": f"{name} of {label}"}

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from stable_baselines3.common.logger import KVWriter, filter_excluded_keys
 
-from curiosity_algos.experiments.reading import read_log
+from curiosity_algos.experiments.run_folder import read_log
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_algos.state.settings import python_number
 
@@ -45,11 +45,7 @@ class ProgressLog(KVWriter):
     Timesteps, seconds and coverage are the run's own. What another callback, such as an
     `EvalCallback`, dumps in between is in the next row. The order of columns does not depend on
     when they first appear. No file is open between two rows.
-
-    Args:
-        path: File to write.
-        timesteps: Rows that were logged later are dropped.
-        state: Returns timesteps, seconds and coverage of the run, by column.
+    Rows after `timesteps` are dropped.
     """
 
     def __init__(self, path: Path, timesteps: int, state: Callable[[], dict[str, float]]) -> None:

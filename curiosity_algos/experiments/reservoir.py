@@ -17,10 +17,6 @@ class Reservoir:
     """Keeps `size` policies, every one of those seen with the same probability (Vitter 1985, R).
 
     The states of an episode are not stored: the policy and the seed play it again.
-
-    Args:
-        size: Policies kept, at most.
-        seed: Seed of the draws.
     """
 
     def __init__(self, size: int, seed: np.random.SeedSequence) -> None:

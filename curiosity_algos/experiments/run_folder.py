@@ -11,32 +11,52 @@
 
 No file is written twice, but `progress.csv` when a new column appears. A checkpoint appears at once
 and whole. A run that goes on from it drops what was written later. One process and thread at a time
-trains in a folder and locks `lock`.
+trains in a folder and locks `lock`. A damaged file raises a ValueError of one sentence.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from threading import Thread, current_thread
+from types import UnionType
 from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
 import numpy as np
+import pandas as pd
 from filelock import FileLock, Timeout
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.experiments.reading import (
-    DESCRIPTION,
-    RESULT,
-    read_final_states,
-    read_json,
-)
 from curiosity_algos.state.atomic_file import atomic_file, sync_folder
 
+Columns = dict[str, Array]
+JsonTypes = Mapping[str, type | UnionType]
+
+DESCRIPTION: JsonTypes = {
+    **{"format": int, "algorithm": str, "seed": int | None},
+    **dict.fromkeys(("env", "env_class"), str | None),
+    **dict.fromkeys(("archive", "vec_env"), dict | None),
+    "behavior_names": list | None,
+}
+"""Types of the fields of `run.json` that are read; those of None may be missing."""
+RESULT: JsonTypes = {
+    **dict.fromkeys(("timesteps", "total_timesteps", "n_episodes"), int),
+    "best_return": float | int | None,
+    "first_success_timesteps": int | None,
+    "seconds": float,
+    **dict.fromkeys(("coverage", "pending_log"), dict),
+    "ended": bool,
+}
+"""The same of `result.json`."""
+FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
+"""Dimensions of the columns of final states."""
+REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
+"""Dimensions of the arrays of `rewarding.npz` and `sample.npz`."""
 RUN_FORMAT = 1
 _LOCKS: WeakValueDictionary[tuple[Path, Thread], FileLock] = WeakValueDictionary()
 """The locks of this process, by folder and thread."""
@@ -203,3 +223,67 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write a file for `numpy.load`, which appears once it is whole."""
     with atomic_file(path) as file:
         np.savez(file, **arrays)
+
+
+def damaged(path: Path) -> ValueError:
+    """The error of a file that no run wrote in this form."""
+    return ValueError(f"`folder` must be that of a run, {path} is damaged.")
+
+
+def _check_no_pipe(path: Path) -> None:
+    """Raise the error of a damaged file for a pipe, which would be waited for."""
+    if path.exists() and not path.is_file():
+        raise damaged(path)
+
+
+def read_json(path: Path, types: JsonTypes) -> dict[str, Any]:
+    """A dictionary with fields of these types."""
+    _check_no_pipe(path)
+    try:
+        fields: dict[str, Any] = json.loads(path.read_text())
+        is_valid = all(isinstance(fields.get(name), kind) for name, kind in types.items())
+    except (OSError, ValueError, AttributeError, RecursionError) as error:
+        raise damaged(path) from error
+    if not is_valid:
+        raise damaged(path)
+    return fields
+
+
+def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
+    """The arrays of a file, which must have numeric ones of these dimensions."""
+    _check_no_pipe(path)
+    try:
+        with np.load(path) as file:
+            arrays = dict(file)
+    except Exception as error:  # whatever numpy, zipfile and zlib make of it
+        raise damaged(path) from error
+    numeric = {name: array.ndim for name, array in arrays.items() if array.dtype.kind in "biuf"}
+    if not numeric.items() >= dimensions.items():
+        raise damaged(path)
+    return arrays
+
+
+def read_final_states(paths: list[Path]) -> Columns:
+    """The columns of several files, one after another."""
+    parts: list[Columns] = []
+    shapes: set[tuple[tuple[str, tuple[int, ...]], ...]] = set()
+    for path in paths:
+        part = read_arrays(path, FINAL_STATES)
+        shapes.add(tuple((name, part[name].shape[1:]) for name in sorted(part)))
+        if len(shapes) > 1 or len({column.shape[:1] for column in part.values()}) > 1:
+            raise damaged(path)
+        parts.append(part)
+    return {name: np.concatenate([part[name] for part in parts]) for name in (parts or [{}])[0]}
+
+
+def read_log(path: Path) -> pd.DataFrame:
+    """The whole rows of a log as text; none if there is no file."""
+    _check_no_pipe(path)
+    try:
+        content = path.read_bytes() if path.exists() else b""
+        whole = content[: content.rfind(b"\n") + 1]  # a kill may leave half a row
+        if not whole:
+            return pd.DataFrame()
+        return pd.read_csv(io.BytesIO(whole), dtype=str, keep_default_na=False)
+    except (OSError, ValueError) as error:
+        raise damaged(path) from error

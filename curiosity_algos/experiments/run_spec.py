@@ -7,14 +7,16 @@ import os
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import gymnasium as gym
+from gymnasium.envs.registration import WrapperSpec, load_env_creator
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos.common.names import find_algorithm, find_known
@@ -28,16 +30,12 @@ from curiosity_algos.experiments.baselines import (
     load_baseline,
     make_baseline,
 )
-from curiosity_algos.experiments.differences import MAY_DIFFER
-from curiosity_algos.experiments.run_envs import (
-    Wrapping,
-    check_wrapping,
-    closed_on_error,
-    make_single,
-    open_envs,
-)
+from curiosity_algos.experiments.description import MAY_DIFFER
+from curiosity_algos.sb3.gymnasium_vec_env import open_batch
 from curiosity_gym.validation import check_at_least_one
 
+Wrapping: TypeAlias = tuple[str, Mapping[str, Any]]
+"""`module:Class` of a wrapper, and its keywords."""
 ELSEWHERE = "MODULE:ID is one that a module registers."
 
 
@@ -45,6 +43,41 @@ def variant_of(settings: Mapping[str, Any]) -> str:
     """The name of a folder for runs of these settings; "" for none."""
     text = ",".join(f"{name}={value}" for name, value in sorted(settings.items()))
     return re.sub(r"[^\w.,=+-]+", "-", text)
+
+
+def check_wrapping(entry: str, kwargs: Mapping[str, Any]) -> None:
+    """Raise ValueError unless a wrapper can be imported, and takes its keywords."""
+    try:
+        inspect.signature(load_env_creator(entry)).bind("env", **kwargs)
+    except (AttributeError, ImportError, TypeError) as error:
+        raise ValueError(
+            f"`wrapper` must be a class that can be imported, and its keywords, {entry}: {error}."
+        ) from error
+
+
+def _wrap(env: gym.Env[Any, Any], entry: str, kwargs: Mapping[str, Any]) -> gym.Env[Any, Any]:
+    cls: Any = load_env_creator(entry)
+    made: gym.Wrapper[Any, Any, Any, Any] = cls(env, **kwargs)
+    assert env.spec is not None
+    # Most wrappers do not note their keywords; this one's spec is how the run is played again.
+    defined = f"{cls.__module__}:{cls.__name__}"  # as Gymnasium's own are known
+    wrappers = *env.spec.additional_wrappers, WrapperSpec(cls.__name__, defined, dict(kwargs))
+    made._cached_spec = replace(env.spec, additional_wrappers=wrappers)
+    return made
+
+
+def make_single(
+    env: str, repeat_action: int, kwargs: Mapping[str, Any], wrappers: Sequence[Wrapping] = ()
+) -> gym.Env[Any, Any]:
+    """The environment of an id, which takes each action for so many steps, in wrappers."""
+    made: gym.Env[Any, Any] = gym.make(env, **kwargs)
+    if repeat_action > 1:
+        if not hasattr(gym.wrappers, "RepeatAction"):
+            raise ImportError("`repeat_action` needs gymnasium 1.3 or newer.")
+        made = gym.wrappers.RepeatAction(made, repeat_action)
+    for entry, keywords in wrappers:
+        made = _wrap(made, entry, keywords)
+    return made
 
 
 @dataclass(frozen=True)
@@ -110,7 +143,8 @@ class RunSpec:
         cls = find_algorithm(self.algorithm)
         self._check_settings(cls)
         venv = self._make_env()  # apart: its own errors are none of the algorithm's
-        with closed_on_error(venv):
+        with ExitStack() as stack:
+            stack.callback(venv.close)
             try:
                 model = self._make_model(venv)
             except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
@@ -120,6 +154,7 @@ class RunSpec:
             except ValueError as error:
                 raise ValueError(str(error)) from error  # what a library refuses, too
             check_learning(model.get_env(), self.timesteps, None)
+            stack.pop_all()
             return model
 
     def _check_settings(self, cls: type[Any]) -> None:
@@ -164,13 +199,12 @@ class RunSpec:
 
     def _make_env(self) -> VecEnv:
         """The environments; errors of their own pass, except of keywords that they do not take."""
-        as_said = self.repeat_action, self.env_kwargs, self.wrappers
+        make = partial(make_single, self.env, self.repeat_action, self.env_kwargs, self.wrappers)
         try:
             if is_baseline(find_algorithm(self.algorithm)):
-                return open_envs(self.env, self.n_envs, *as_said)
+                return VecMonitor(open_batch(make, self.n_envs))
             is_changed = self.repeat_action > 1 or self.wrappers
-            env: Any = partial(make_single, self.env, *as_said) if is_changed else self.env
-            opened: VecEnv = open_env(env, **({} if is_changed else self.env_kwargs))
+            opened: VecEnv = open_env(make) if is_changed else open_env(self.env, **self.env_kwargs)
             return opened
         except TypeError as error:
             message = str(error.__cause__ or error)  # Gymnasium repeats all keywords in its own
@@ -184,8 +218,11 @@ class RunSpec:
         passed_again = MAY_DIFFER | {"evaluator", "archive", "emitters", "search"}
         free = {name: value for name, value in self.settings.items() if name in passed_again}
         cls, venv = find_algorithm(self.algorithm), self._make_env()
-        with closed_on_error(venv):
+        with ExitStack() as stack:
+            stack.callback(venv.close)
             if is_baseline(cls):
-                return load_baseline(cls, checkpoint, venv, **free)
-            model: BaseAlgorithm = cls.load(checkpoint / "model", env=venv, **free)
+                model = load_baseline(cls, checkpoint, venv, **free)
+            else:
+                model = cls.load(checkpoint / "model", env=venv, **free)
+            stack.pop_all()
             return model

@@ -15,12 +15,17 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.evaluation.rollouts import final_behaviors
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
-from curiosity_algos.experiments.description import describe_run, describe_settings
-from curiosity_algos.experiments.differences import check_same
+from curiosity_algos.experiments.description import check_same, describe_run, describe_settings
 from curiosity_algos.experiments.progress_log import SECONDS, TIMESTEPS, ProgressLog
-from curiosity_algos.experiments.reading import REWARDING, Columns, read_arrays
 from curiosity_algos.experiments.reservoir import Reservoir
-from curiosity_algos.experiments.run_folder import RunFolder, write_arrays, write_json
+from curiosity_algos.experiments.run_folder import (
+    REWARDING,
+    Columns,
+    RunFolder,
+    read_arrays,
+    write_arrays,
+    write_json,
+)
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import ExplorationCallback
 from curiosity_algos.state.episodes import record_episodes
@@ -56,7 +61,6 @@ class SaveRun(BaseCallback):
             there collects new ones, and the model warns of it.
         save_replay_buffer: Whether checkpoints hold the transitions of a replay buffer. The last
             one does not; all hold the bonus and the weight of a `BonusReplayBuffer`.
-        verbose: As in SB3.
 
     Raises:
         ValueError: When `learn` begins: if the model steps no VecEnv, as sb3-contrib's ARS, or no
@@ -75,9 +79,8 @@ class SaveRun(BaseCallback):
         *,
         interval: float = 60.0,
         save_replay_buffer: bool = False,
-        verbose: int = 0,
     ) -> None:
-        super().__init__(verbose)
+        super().__init__()
         check_positive(interval=interval)
         self.folder = RunFolder(folder)
         self.interval = interval

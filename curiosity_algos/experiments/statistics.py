@@ -23,7 +23,6 @@ import numpy.typing as npt
 from scipy import stats
 
 from curiosity_algos.common.arrays import Float64Array
-from curiosity_gym.validation import check_positive
 
 Seed: TypeAlias = int | np.random.Generator
 Statistic: TypeAlias = Callable[[list[Float64Array]], Any]
@@ -228,29 +227,6 @@ def curve_interval(
     # The value of the last generation that ended, 0 before any.
     heights = [np.r_[0.0, values][np.searchsorted(x, points, "right")] for x, values in runs]
     return Curve(points, *_bootstrap(interquartile_mean, [np.stack(heights, axis=-1)], seed))
-
-
-def area_under_curve(x: npt.ArrayLike, values: npt.ArrayLike, budget: float) -> float:
-    """Mean height of a run's coverage from 0 to its budget.
-
-    The curve is 0 before its first point, and stays at its last value to the end.
-    What comes after the budget does not count.
-
-    Args:
-        x: (n,) timesteps or seconds at which generations ended, ascending, at least 0.
-        values: (n,) shares, 0 to 1.
-        budget: Timesteps or seconds.
-
-    Returns:
-        A share, 0 to 1.
-
-    Raises:
-        ValueError: An argument is not as described.
-    """
-    check_positive(budget=budget)
-    ends, shares = _points(x, values)
-    widths = np.diff(np.minimum(ends, budget), append=budget)
-    return min(1.0, float(shares @ widths) / budget)  # rounding alone would come to more
 
 
 def _bootstrap(statistic: Statistic, samples: list[Float64Array], seed: Seed) -> Float64Array:

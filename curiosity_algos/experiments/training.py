@@ -15,8 +15,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from curiosity_algos.common.interrupt import HeldInterrupt
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.experiments.baselines import is_baseline
-from curiosity_algos.experiments.description import describe_run
-from curiosity_algos.experiments.differences import check_same
+from curiosity_algos.experiments.description import check_same, describe_run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
@@ -110,7 +109,7 @@ def _env_of(model: BaseAlgorithm) -> closing[VecEnv]:
 def summary(folder: Path) -> str:
     """The result of a run with a checkpoint, in a line."""
     result = RunFolder(folder).result()
-    best = result["best_return"]
+    best = result.get("best_return")
     words = [f"best return {'none' if best is None else f'{best:.3f}'}", _first(result)]
     shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
     if shares:
@@ -124,4 +123,4 @@ def _first(result: Mapping[str, Any]) -> str:
         timesteps = result.get(f"first_{event}_timesteps")
         if timesteps is not None:
             return f"first {event} after {timesteps:,} timesteps"
-    return "no return above 0" if (result["best_return"] or 0.0) < 0.0 else "no success"
+    return "no return above 0" if (result.get("best_return") or 0.0) < 0.0 else "no success"

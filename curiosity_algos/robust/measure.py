@@ -72,7 +72,7 @@ def evaluate_starts(
     opened = gym.make(env) if isinstance(env, str) else env
     closed = closing(opened) if isinstance(env, str) else nullcontext()
     with closed, single_torch_thread():  # small networks are slower on several
-        if (envs := native_batch(opened, n, AutoresetMode.NEXT_STEP)) is not None:
+        if (envs := native_batch(opened.spec, n, AutoresetMode.NEXT_STEP)) is not None:
             return _play_batch(model, envs, seed)
         played = [demonstrate(model, opened, seed + i) for i in range(n)]
     success = np.array([episode.success for episode in played])

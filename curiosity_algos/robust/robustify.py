@@ -12,11 +12,10 @@ import gymnasium as gym
 import numpy as np
 import torch as th
 from gymnasium import spaces
-from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, ConvertCallback
 from stable_baselines3.common.type_aliases import MaybeCallback
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import FactoryVecEnv
@@ -24,7 +23,7 @@ from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_
 from curiosity_algos.robust.imitation import N_STEPS, Imitation, Standardized
 from curiosity_algos.robust.starts import DemonstrationStarts
 from curiosity_algos.robust.watch import SETTINGS, FrontBar, Watch
-from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv, native_batch
+from curiosity_algos.sb3.gymnasium_vec_env import open_batch
 from curiosity_gym import RecordEpisode
 from curiosity_gym.validation import check_positive, check_seed, check_share
 
@@ -155,7 +154,9 @@ class Training:
         self._make, self._success = make, success
         seeds = np.random.SeedSequence(seed).generate_state(4) >> 1
         ppo_seed, starts_seed, self._imitation_seed, self._test_seed = (int(s) for s in seeds)
-        self.starts = DemonstrationStarts(_open(make), demonstrations, seed=starts_seed)
+        self.starts = DemonstrationStarts(
+            open_batch(make, N_ENVS), demonstrations, seed=starts_seed
+        )
         self.env = VecMonitor(self.starts)
         self.model = _make_ppo(self.env, _gamma(demonstrations), seed=ppo_seed, **learner)
 
@@ -190,16 +191,6 @@ def _as_list(callback: MaybeCallback) -> list[BaseCallback]:
     if callback is None or isinstance(callback, list):
         return callback or []
     return [callback if isinstance(callback, BaseCallback) else ConvertCallback(callback)]
-
-
-def _open(make: MakeEnv) -> VecEnv:
-    """`N_ENVS` environments, stepped at once where they can be."""
-    first = make()
-    if (batch := native_batch(first, N_ENVS, AutoresetMode.SAME_STEP)) is not None:
-        first.close()
-        return GymnasiumVecEnv(batch)
-    makers: list[MakeEnv] = [lambda: RecordEpisode(make())] * (N_ENVS - 1)
-    return DummyVecEnv([lambda: RecordEpisode(first), *makers])
 
 
 def _make_ppo(venv: VecEnv, gamma: float, **learner: Any) -> PPO:

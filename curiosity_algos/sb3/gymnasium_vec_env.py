@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec, load_env_creator
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.env_util import is_wrapped
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.batches import has_generators, info_rows
 from curiosity_algos.evaluation.environments import env_attributes
-from curiosity_gym.episodic_env import EpisodicEnv
+from curiosity_algos.sb3.observations import check_sb3_takes
+from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
-
-
-def native_batch(
-    env: gym.Env[Any, Any], n: int, autoreset_mode: AutoresetMode
-) -> EpisodicVectorEnv | None:
-    """`n` of an environment of `curiosity_gym`, stepped at once; None of any other, or wrapped."""
-    is_own, spec = isinstance(env.unwrapped, EpisodicEnv), env.spec
-    if not is_own or spec is None or spec.additional_wrappers:
-        return None
-    made: Any = gym.make_vec(
-        spec,
-        num_envs=n,
-        vectorization_mode="vector_entry_point",
-        autoreset_mode=autoreset_mode,
-    )
-    return made if isinstance(made, EpisodicVectorEnv) else None
 
 
 class GymnasiumVecEnv(VecEnv):
@@ -152,3 +139,41 @@ class GymnasiumVecEnv(VecEnv):
         envs = getattr(self.vector_env.unwrapped, "envs", None)
         chosen = self._get_indices(indices)
         return [envs is not None and is_wrapped(envs[i], wrapper_class) for i in chosen]
+
+
+def open_batch(make: Callable[[], gym.Env[Any, Any]], n: int) -> VecEnv:
+    """Environments for Stable-Baselines3, stepped at once where they can be.
+
+    Args:
+        make: Makes one of them.
+        n: Number of environments.
+
+    Raises:
+        ValueError: If Stable-Baselines3's policies do not take their observations.
+    """
+    first = make()  # apart: its own errors are none of Stable-Baselines3's
+    with ExitStack() as stack:
+        stack.callback(first.close)
+        check_sb3_takes(first.observation_space)
+        batch = native_batch(first.spec, n, AutoresetMode.SAME_STEP) if n > 1 else None
+        if batch is not None:
+            return GymnasiumVecEnv(batch)
+        others = [lambda: RecordEpisode(make())] * (n - 1)
+        envs = DummyVecEnv([lambda: RecordEpisode(first), *others])
+        stack.pop_all()
+        return envs
+
+
+def native_batch(
+    spec: EnvSpec | None, n: int, autoreset_mode: AutoresetMode
+) -> EpisodicVectorEnv | None:
+    """`n` environments that this package steps at once; None of others, and of wrapped ones."""
+    entry = spec and spec.vector_entry_point
+    cls = load_env_creator(entry) if isinstance(entry, str) else entry
+    is_own = isinstance(cls, type) and issubclass(cls, EpisodicVectorEnv)
+    if spec is None or not is_own or spec.additional_wrappers:
+        return None
+    kind = "vector_entry_point"
+    made = gym.make_vec(spec, num_envs=n, vectorization_mode=kind, autoreset_mode=autoreset_mode)
+    assert isinstance(made, EpisodicVectorEnv)
+    return made

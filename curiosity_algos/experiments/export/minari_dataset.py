@@ -25,7 +25,7 @@ from curiosity_algos.experiments.export.policies import (
     population_algorithm,
     read_policies,
 )
-from curiosity_algos.experiments.run import Run
+from curiosity_algos.experiments.loading import Run
 from curiosity_gym import __version__
 from curiosity_gym.extras import import_extra
 from curiosity_gym.layouts import MazeLayout
@@ -72,7 +72,7 @@ def export_minari(
         ValueError: If the run is of another algorithm, has no such policies, is damaged or needs
             trust; if the id is malformed, or the dataset exists.
     """
-    minari, _ = import_extra("minari", "minari", "h5py")
+    minari, namespaces, _ = import_extra("minari", "minari", "minari.namespace", "h5py")
     check_choice(tuple(POLICIES), policies=policies)
     check_at_least_one(n_policies=n_policies)
     target = _new_path(dataset_id)
@@ -83,7 +83,9 @@ def export_minari(
         chosen = read_policies(opened, policies, env).select(n_policies)
         about = _describe(opened.description, env.spec, policies, chosen)
         _write(Path(folder, "dataset"), env, chosen, {"dataset_id": dataset_id, **about})
-        _create_namespace(dataset_id)
+        namespace, _, _ = dataset_id.rpartition("/")
+        if namespace and namespace not in namespaces.list_local_namespaces():
+            namespaces.create_namespace(namespace)
         os.rename(Path(folder, "dataset"), target)
     return minari.load_dataset(dataset_id)
 
@@ -129,14 +131,6 @@ def _new_path(dataset_id: str) -> Path:
     if target.exists():
         raise ValueError(f"`out` must be a new dataset, there is {target}.")
     return target
-
-
-def _create_namespace(dataset_id: str) -> None:
-    from minari.namespace import create_namespace, list_local_namespaces
-
-    namespace, _, _ = dataset_id.rpartition("/")
-    if namespace and namespace not in list_local_namespaces():
-        create_namespace(namespace)
 
 
 def _describe(

@@ -16,7 +16,7 @@ from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.evaluation.mlp import Mlp
 from curiosity_algos.evaluation.rollouts import check_parameters
 from curiosity_algos.experiments.export.policies import population_algorithm
-from curiosity_algos.experiments.run import Run
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.extras import import_extra

@@ -13,8 +13,8 @@ import pandas as pd
 from curiosity_algos.common.arrays import Float32Array, Int64Array
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 from curiosity_algos.evaluation.mlp import Mlp
-from curiosity_algos.experiments.reading import REWARDING, damaged, read_arrays
-from curiosity_algos.experiments.run import Run
+from curiosity_algos.experiments.loading import Run
+from curiosity_algos.experiments.run_folder import REWARDING, damaged, read_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.loops.quality_diversity import QualityDiversity
@@ -48,12 +48,7 @@ def draw(places: Int64Array, n: int) -> Int64Array:
 
 
 def population_algorithm(run: Run) -> type[EvolutionaryAlgorithm]:
-    """The class of a run's algorithm.
-
-    Raises:
-        FileNotFoundError: If there is no run.
-        ValueError: If its algorithm evolves no population.
-    """
+    """The class of a run's algorithm; ValueError if it evolves no population."""
     name = run.description["algorithm"]
     if name in ALGORITHMS:
         cls = find_algorithm(name)
@@ -66,17 +61,7 @@ def population_algorithm(run: Run) -> type[EvolutionaryAlgorithm]:
 
 
 def read_policies(run: Run, kind: str, env: gym.Env[Any, Any]) -> Policies:
-    """All policies of a kind in the last checkpoint of a run.
-
-    Args:
-        run: Run of a population algorithm.
-        kind: One of `POLICIES`: "elites", of an algorithm with an archive; "rewarding", those that
-            succeeded; "sample", of all that were evaluated.
-        env: Environment like the run's.
-
-    Raises:
-        ValueError: If the run has no such policies, or is damaged.
-    """
+    """All policies of one of the kinds in `POLICIES`; ValueError if the run has none."""
     cls = population_algorithm(run)
     if kind == "elites" and not issubclass(cls, QualityDiversity):
         raise ValueError(

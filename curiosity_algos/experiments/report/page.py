@@ -9,12 +9,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from curiosity_algos.experiments.elites import with_archives
 from curiosity_algos.experiments.labels import color_labels
-from curiosity_algos.experiments.measures import load_compared
+from curiosity_algos.experiments.loading import StrPath
+from curiosity_algos.experiments.measures import load_compared, with_archives
 from curiosity_algos.experiments.report import pictures
 from curiosity_algos.experiments.report.tables import AHEAD, BEHIND, named, pairs, summary
-from curiosity_algos.experiments.run import StrPath
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from curiosity_algos.common.arrays import Float64Array, Int64Array
-from curiosity_algos.experiments.elites import n_elites, qd_score
 from curiosity_algos.experiments.env_spec import make_env
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.measures import (
     Measure,
     Points,
@@ -21,11 +21,12 @@ from curiosity_algos.experiments.measures import (
     coverage,
     final_states,
     first_of,
+    n_elites,
+    qd_score,
     read_curves,
     times_to_first,
 )
 from curiosity_algos.experiments.report.tables import has_coverage
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.statistics import Curve, curve_interval
 from curiosity_gym.core import entry_names
 from curiosity_gym.maze.maze_env import MazeEnv

@@ -11,14 +11,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from curiosity_algos.experiments.measures import (
-    coverage,
     first_of,
     first_timesteps,
     times_to_first,
 )
 from curiosity_algos.experiments.statistics import (
     LEAST_RUNS,
-    area_under_curve,
     interquartile_mean,
     probability_of_improvement,
     stratified_bootstrap,
@@ -56,10 +54,6 @@ def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
     n_reached = first_timesteps(runs, event or "success").notna().sum()
     ends = sorted({runs["timesteps"].min(), runs["timesteps"].max()})
     median = times_to_first(runs, event).median if event else None
-    areas = []
-    if has_coverage(runs):
-        budgets = zip(runs["files"], runs["timesteps"], strict=True)
-        areas = [area_under_curve(*coverage(run), timesteps) for run, timesteps in budgets]
     return {
         "Runs": f"{len(runs)}",
         "Timesteps of a run": " to ".join(f"{end:,.0f}" for end in ends),
@@ -69,7 +63,6 @@ def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
         else f"{median:,.0f}",
         "Best return, IQM": _interval(runs["best_return"], "{:,.3f}".format),
         "Coverage, IQM": _interval(_coverage(runs), percent),
-        "Area under coverage, IQM": _interval(areas, percent),
     }
 
 

@@ -16,9 +16,7 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
-import curiosity_gym
-from curiosity_algos.cli import app, main
-from curiosity_algos.cli.list_names import list_names
+from curiosity_algos.cli import app, list_names, main
 from curiosity_algos.cli.options import numbers
 from curiosity_algos.experiments import film, load_final_states, load_runs, training
 from curiosity_algos.experiments import sweep as sweeps
@@ -120,10 +118,6 @@ def test_stable_baselines_algorithms_are_compared_with_ours(run_here, refused, t
     assert run_here("plot", "runs")[0] == 0
     assert run_here("report", "runs")[:2] == (0, "2 runs on 1 environment: report.html\n")
     assert "PPO + APT" in (tmp_path / "report.html").read_text()
-
-
-def test_version(run_here):
-    assert run_here("--version")[:2] == (0, f"{curiosity_gym.__version__}\n")
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from curiosity_algos import NSES, NSLC, CanonicalES, MAPElites
 from curiosity_algos.experiments import SaveRun, load_progress, load_runs
 from curiosity_algos.experiments.comparison import compare
 from curiosity_algos.experiments.labels import COLORS, FURTHER
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.measures import best_return
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 
 

@@ -1,5 +1,3 @@
-import sys
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -99,24 +97,6 @@ def test_an_endless_episode_is_cut(make_model, tmp_path, monkeypatch):
     model = make_model(TD3ICM, gym.make("Pendulum-v1", max_episode_steps=-1))
     env = gym.make("Pendulum-v1", max_episode_steps=-1)
     assert len(list(filming._rewards(model.policy, env, 0))) == 31
-
-
-def test_an_id_of_another_module_is_found(tmp_path, monkeypatch):
-    (tmp_path / "my_mazes.py").write_text(
-        "import gymnasium as gym\n"
-        "from curiosity_gym.maze.maze_env import MazeEnv\n"
-        "class Mine(MazeEnv):\n    pass\n"
-        "gym.register('Mine-v3', Mine, kwargs={'layout': 'us', 'horizon': 20})\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    settings = {"population_size": 4, "policy_kwargs": {"net_arch": [4]}}
-    run = RunSpec("map_elites", "my_mazes:Mine-v3", 0, 1, {}, settings)
-    run.check()
-    train(run, tmp_path / "run")
-    del gym.registry["Mine-v3"]
-    del sys.modules["my_mazes"]
-    assert play(tmp_path / "run", seed=0, trust=True) == 0.0
-    del sys.modules["my_mazes"]
 
 
 @pytest.mark.extra("render")

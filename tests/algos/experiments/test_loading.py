@@ -1,10 +1,13 @@
+import io
 import os
+from pathlib import Path
 
 import pytest
 
 from curiosity_algos import CanonicalES, MAPElites
-from curiosity_algos.experiments import SaveRun, load_final_states, load_progress, load_runs
+from curiosity_algos.experiments import Run, SaveRun, load_final_states, load_progress, load_runs
 from curiosity_algos.experiments.loading import find_runs
+from curiosity_algos.experiments.report import write_report
 
 
 @pytest.fixture
@@ -76,3 +79,32 @@ def test_there_must_be_runs(tmp_path):
                 load(folders)
     with pytest.raises(FileNotFoundError, match="`folder` must be that of a run"):
         load_final_states(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def whole(make_runs):
+    return make_runs(MAPElites, seeds=(0,))[0]
+
+
+@pytest.mark.extra("report")
+def test_a_report_reads_each_file_once(whole, tmp_path, monkeypatch):
+    paths = []
+
+    def note(file, *args):
+        paths.append(str(file))
+        return open_file(file, *args)
+
+    open_file = io.open
+    monkeypatch.setattr(io, "open", note)
+    write_report(whole, tmp_path / "report.html")
+    paths = [path for path in paths if path.startswith(str(whole))]
+    assert {"run.json", "result.json", "progress.csv"} <= {Path(path).name for path in paths}
+    assert len(paths) == len(set(paths))
+
+
+def test_what_is_written_later_is_read_by_another(whole):
+    run = Run(whole)
+    n_rows = len(run.progress)
+    with run.folder.progress.open("a") as log:
+        log.write("9999\n")
+    assert (len(run.progress), len(Run(whole).progress)) == (n_rows, n_rows + 1)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.progress_log import ProgressLog
-from curiosity_algos.experiments.run import Run
 
 TIMESTEPS = "time/total_timesteps"
 

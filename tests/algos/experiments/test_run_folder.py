@@ -10,8 +10,12 @@ import pytest
 from saved_files import no_space
 
 from curiosity_algos.experiments import run_folder
-from curiosity_algos.experiments.reading import read_final_states, read_log
-from curiosity_algos.experiments.run_folder import RunFolder, write_json
+from curiosity_algos.experiments.run_folder import (
+    RunFolder,
+    read_final_states,
+    read_log,
+    write_json,
+)
 
 
 @pytest.fixture
@@ -196,6 +200,7 @@ def test_final_states_of_other_columns_are_damaged(run, changed):
     [
         ("run.json", b"{"),
         ("run.json", b"[]"),
+        ("run.json", b'{"format": 1, "algorithm": "NSES", "env": 5}'),
         ("checkpoints/10/result.json", None),  # a pipe, which would be waited for
         ("final_states/0000000000.npz", None),
         ("progress.csv", None),

@@ -1,11 +1,12 @@
 from dataclasses import replace
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from tracked import Tracked
 
 from curiosity_algos.experiments import load_final_states
-from curiosity_algos.experiments.run_spec import RunSpec, variant_of
+from curiosity_algos.experiments.run_spec import RunSpec, make_single, variant_of
 from curiosity_algos.experiments.training import train
 
 US = "CuriosityMaze-US-v0"
@@ -129,3 +130,20 @@ def test_this_packages_algorithms_hold_actions_too(tmp_path):
     run = RunSpec("map_elites", US, 0, 1, {"horizon": 60}, small, repeat_action=5)
     train(run, tmp_path)
     assert load_final_states(tmp_path)["length"].tolist() == [12] * 4
+
+
+@pytest.mark.skipif(not hasattr(gym.wrappers, "RepeatAction"), reason="gymnasium < 1.3")
+def test_an_action_is_held():
+    once, held = make_single(US, 1, {}), make_single(US, 3, {})
+    for env in (once, held):
+        env.reset()
+    action = np.array([1.0, 0.5], np.float32)
+    for _ in range(3):
+        expected = once.step(action)[0]
+    np.testing.assert_array_equal(held.step(action)[0], expected)
+
+
+def test_an_older_gymnasium_is_told(monkeypatch):
+    monkeypatch.delattr(gym.wrappers, "RepeatAction", raising=False)
+    with pytest.raises(ImportError, match=r"`repeat_action` needs gymnasium 1\.3"):
+        make_single(US, 3, {})

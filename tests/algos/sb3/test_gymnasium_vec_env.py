@@ -11,9 +11,13 @@ from packaging.version import Version
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
+from tracked import Tracked
 
 from curiosity_algos import CanonicalES, GymnasiumVecEnv, make_evaluator
 from curiosity_algos.evaluation.maze import MazeEvaluator
+from curiosity_algos.experiments.description import describe_env
+from curiosity_algos.sb3.gymnasium_vec_env import open_batch
+from curiosity_gym.maze.maze_env import MazeEnv
 
 N = 3
 MAZE = "CuriosityMaze-US-v0"
@@ -192,3 +196,43 @@ def test_observations_are_kept_where_the_env_overwrites_its_own():
     kept = first.copy()
     venv.step(np.ones((N, 2), np.float32))
     np.testing.assert_array_equal(first, kept)
+
+
+def make_maze(**kwargs):
+    return gym.make("CuriosityMaze-US-v0", horizon=50, max_episode_steps=7, **kwargs)
+
+
+@pytest.mark.parametrize(
+    ("make", "n", "expected"),
+    [
+        (make_maze, 1, DummyVecEnv),
+        (make_maze, 3, GymnasiumVecEnv),
+        (lambda: gym.wrappers.ClipReward(make_maze(), 0.0, 1.0), 3, DummyVecEnv),
+        (lambda: MazeEnv(layout="us"), 3, DummyVecEnv),  # that no id made
+        (lambda: gym.make("CartPole-v1"), 3, DummyVecEnv),  # whose own resets a step later
+        (lambda: gym.make("Pendulum-v1"), 3, DummyVecEnv),
+    ],
+)
+def test_several_are_stepped_at_once_where_they_can_be(make, n, expected):
+    venv = open_batch(make, n)
+    assert isinstance(venv, expected)
+    assert venv.num_envs == n
+
+
+def test_stepped_at_once_or_not_they_are_the_same():
+    """In description and in every step, the limit of `make` among their keywords."""
+    one, other = (VecMonitor(open_batch(make_maze, n)) for n in (1, 2))
+    assert describe_env(one) == describe_env(other)
+    np.testing.assert_array_equal(one.reset()[0], other.reset()[1])
+    for _ in range(10):
+        single, both = (venv.step(np.full((venv.num_envs, 2), 0.5)) for venv in (one, other))
+        np.testing.assert_array_equal(single[0][0], both[0][1])
+        assert single[2][0] == both[2][1]
+        assert single[3][0].get("episode", {}).get("l") == both[3][1].get("episode", {}).get("l")
+
+
+def test_what_cannot_be_stepped_is_closed(tracked, monkeypatch):
+    monkeypatch.setattr(Tracked, "observation_space", gym.spaces.Text(3))
+    with pytest.raises(ValueError, match="is not supported"):
+        open_batch(lambda: gym.make(tracked, disable_env_checker=True), 2)
+    assert not Tracked.opened

@@ -10,8 +10,8 @@ import pytest
 from gymnasium.error import DependencyNotInstalled
 from html_tables import first_table
 
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.report import write_report
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 
 pytestmark = pytest.mark.extra("report")

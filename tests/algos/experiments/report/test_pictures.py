@@ -7,6 +7,7 @@ from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import load_final_states, load_progress
 from curiosity_algos.experiments.description import describe_env
 from curiosity_algos.experiments.labels import color_labels
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.report.pictures import (
     N_CELLS,
     Plane,
@@ -15,7 +16,6 @@ from curiosity_algos.experiments.report.pictures import (
     draw_map,
     plane_of,
 )
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_gym import BehaviorWrapper, MazeLayout
 

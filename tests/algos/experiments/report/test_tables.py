@@ -38,7 +38,7 @@ def test_what_is_not_known_is_a_dash(mountain):
     mountain["coverage.reachable"] = NEVER
     (row,) = rows_of(mountain).values()
     best = mountain["best_return"].item()
-    assert row[2:] == [NOTHING, NOTHING, f"{best:.3f}", NOTHING, NOTHING]
+    assert row[2:] == [NOTHING, NOTHING, f"{best:.3f}", NOTHING]
 
 
 def test_shares_have_three_digits():

@@ -87,7 +87,6 @@ MODULES = {
     "onnx": "onnx",
     "ray": "ray",
     "render": "pygame",
-    "report": "plotly",
     "robotics": "gymnasium_robotics",
     "tensorboard": "tensorboard",
     "track": "wandb",
@@ -98,7 +97,6 @@ PARAMETERS = {
     "locomotion": re.compile("CuriosityLocomotion-"),
     "minari": re.compile("export_minari"),
     "onnx": re.compile("import onnxruntime"),
-    "report": re.compile("write_report"),
     "robotics": re.compile("CuriositySparse-.*Maze|gymnasium_robotics"),
     "track": re.compile("import wandb"),
 }

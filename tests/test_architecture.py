@@ -117,7 +117,7 @@ def _module_of(name, names):
 
 def test_importing_the_algorithms_needs_no_extra_and_no_module_new_gymnasium():
     """Spaces can be subscripted since Gymnasium 1.4 only: type checkers alone may do it."""
-    extras = ["pygame", "mujoco", "dm_control", "ray", "plotly", "gymnasium_robotics", "jax"]
+    extras = ["pygame", "mujoco", "dm_control", "ray", "gymnasium_robotics", "jax"]
     extras += ["h5py", "minari", "onnx", "onnxruntime"]
     code = (
         "import importlib, sys, stable_baselines3\n"

@@ -28,7 +28,6 @@ MODULES = {
     "robotics": ["gymnasium_robotics", "mujoco"],
     "render": ["moviepy", "pygame"],
     "ray": ["ray"],
-    "report": ["plotly"],
     "minari": ["h5py", "minari"],
     "onnx": ["onnx"],
     "tensorboard": ["tensorboard"],

@@ -42,8 +42,6 @@ def report(
 ) -> None:
     """Compare runs by tables, curves and maps in one HTML file.
 
-    The extra `report` must be installed.
-
     Example: curiosity report runs --out report.html
     """
     from curiosity_algos.experiments.report import write_report

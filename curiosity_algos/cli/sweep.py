@@ -101,9 +101,8 @@ def sweep(
     Example: curiosity train --algo ppo --bonus apt --bonus-kwargs weight:0.02 --n-envs 16
     --repeat-action 10 --hyperparams n_steps:64 -n 3e5
 
-    Example: curiosity sweep --algos curiosity_es,nslc --envs CuriosityMaze-US-v0 --seeds 0-4
-
-    Example: curiosity sweep --algos nses --hyperparams sigma:0.1 --hyperparams sigma:0.3
+    Example: curiosity sweep --algos nses --seeds 0-4 --hyperparams sigma:0.1 --hyperparams
+    sigma:0.3
     """
     env_ids = options.names("envs", envs)
     if wrapper or any(":" in env for env in env_ids):

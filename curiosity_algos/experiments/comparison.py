@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from textwrap import fill
+from typing import TypeAlias
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from curiosity_algos.experiments.canvas import (
     Line,
@@ -28,6 +30,7 @@ from curiosity_algos.experiments.measures import (
     best_return,
     coverage,
     first_of,
+    left_out,
     load_compared,
     qd_score,
     read_curves,
@@ -36,13 +39,14 @@ from curiosity_algos.experiments.measures import (
 )
 from curiosity_gym.validation import check_choice
 
-CURVES: dict[str, tuple[Measure | None, str, str, float]] = {
+Curve: TypeAlias = tuple[Measure | None, str, str, float]
+"""The measure, None for survival; the titles of figure and axis, and the value of 1 on the axis."""
+CURVES: dict[str, Curve] = {
     "coverage": (coverage, "Coverage", "coverage (%)", 0.01),
     "best-return": (best_return, "Highest return so far", "highest return so far", 1.0),
     "qd-score": (qd_score, "QD score", "QD score", 1.0),
     "survival": (None, "Time to first {}", "runs without {} (%)", 0.01),
 }
-"""By name: the measure, the titles of figure and axis, and the value of 1 on the axis."""
 X = {"timesteps": ("timesteps (millions)", 1e6), "seconds": ("seconds", 1.0)}
 """By name: the title of the axis, and the value of 1 on it."""
 TITLE_WIDTH = 40
@@ -51,8 +55,6 @@ NOTE = (
     "Thick: interquartile mean while all runs go on; shaded: its 95 % interval, of three runs or "
     "more; thin: each run; dotted: after the first has ended."
 )
-NOT_BEGUN = "\nLeft out, as no episode has ended: {}."
-REPEATED = "\nLeft out, as a seed counts once: {} with the seed of another run."
 ARCHIVES = "\nA panel for each archive: QD scores of different ones are not comparable."
 NO_ARCHIVE = "\nLeft out, as their logs have no QD score: {}."
 SURVIVAL_NOTE = "Estimate of Kaplan and Meier; shaded: its 95 % interval, of three runs or more."
@@ -79,8 +81,8 @@ def compare(
     if not runs["has_begun"].any():
         run = runs["run"].iloc[0]
         raise ValueError(f"`runs` must have a checkpoint with an episode, {run} has none yet.")
-    measure, title, y_label, unit = CURVES[y]
-    note = (NOTE if measure else SURVIVAL_NOTE) + _left_out(runs)
+    measure, title, y_label, _ = CURVES[y]
+    note = "\n".join([NOTE if measure else SURVIVAL_NOTE, *left_out(runs)])
     runs = runs[runs["has_begun"] & ~runs["is_repeated"]]
     if y == "qd-score":
         runs, about_archives = _by_archive(runs)
@@ -90,15 +92,8 @@ def compare(
     n_columns = min(3, len(panels))
     figure, axes = make_panels(-(-len(panels) // n_columns), n_columns)
     for ax, (env, here) in zip(axes.flat, panels, strict=False):
-        if measure:
-            lines = [
-                Line(str(label), colors[str(label)], read_curves(of_label, measure, x))
-                for label, of_label in here.groupby("label", sort=False)
-            ]
-            draw_lines(ax, lines, x_unit=X[x][1], y_unit=unit)
-        else:
-            _draw_survival(ax, here, colors, x)
-        ax.set(title=fill(short_name(str(env)), TITLE_WIDTH), xlabel=X[x][0])
+        draw_panel(ax, here, colors, CURVES[y], x)
+        ax.set(title=fill(short_name(str(env)), TITLE_WIDTH), ylabel="")
         for run in here["files"]:
             run.forget_final_states()
     for ax in axes.flat[len(panels) :]:
@@ -107,17 +102,9 @@ def compare(
     words = " or ".join(sorted(events, reverse=True))  # "success or reward"
     for ax in axes[:, 0]:
         ax.set_ylabel(y_label.format(words))
-    add_title(figure, title.format(words), legend_handles(_samples(runs, colors)))
+    add_title(figure, title.format(words), legend_of(runs, colors))
     add_note(figure, note)
     return figure
-
-
-def _left_out(runs: pd.DataFrame) -> str:
-    """A note on the runs without a curve."""
-    waiting = runs.loc[~runs["has_begun"], "run"]
-    n_repeated = runs["is_repeated"].sum()
-    note = NOT_BEGUN.format(", ".join(waiting)) if len(waiting) else ""
-    return note + (REPEATED.format(n_repeated) if n_repeated else "")
 
 
 def _by_archive(runs: pd.DataFrame) -> tuple[pd.DataFrame, str]:
@@ -130,13 +117,30 @@ def _by_archive(runs: pd.DataFrame) -> tuple[pd.DataFrame, str]:
     return archived.assign(env=archived["archive"]), note
 
 
-def _samples(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line]:
-    """A line for each label, with the number of its runs in a panel."""
+def legend_of(runs: pd.DataFrame, colors: dict[str, str]) -> list[Line2D]:
+    """A sample of each label's line, with the number of its runs in a panel."""
     counts = runs.groupby(["label", "env"], sort=False).size().groupby("label", sort=False)
-    return [
+    lines = [
         Line(f"{label} ({count_of_runs(list(numbers))})", colors[str(label)], [])
         for label, numbers in counts
     ]
+    return legend_handles(lines)
+
+
+def draw_panel(
+    ax: Axes, runs: pd.DataFrame, colors: dict[str, str], curve: Curve, x: str = "timesteps"
+) -> None:
+    """Draw runs on one environment, a line for each label."""
+    measure, _, y_label, unit = curve
+    if measure:
+        lines = [
+            Line(str(label), colors[str(label)], read_curves(here, measure, x))
+            for label, here in runs.groupby("label", sort=False)
+        ]
+        draw_lines(ax, lines, x_unit=X[x][1], y_unit=unit)
+    else:
+        _draw_survival(ax, runs, colors, x)
+    ax.set(xlabel=X[x][0], ylabel=y_label.format(first_of(runs) or "success"))
 
 
 def _draw_survival(ax: Axes, runs: pd.DataFrame, colors: dict[str, str], x: str) -> None:

@@ -58,6 +58,19 @@ def _is_repeated(runs: pd.DataFrame) -> pd.Series:
     return repeated.reindex(runs.index, fill_value=False)
 
 
+def left_out(runs: pd.DataFrame) -> list[str]:
+    """Sentences that name those of `load_compared` of which no figure is drawn."""
+    reasons = {
+        "no episode has ended": runs[~runs["has_begun"]],
+        "a seed counts once, and is that of another run": runs[runs["is_repeated"]],
+    }
+    return [
+        f"Left out, as {reason}: {', '.join(rows['run'])}."
+        for reason, rows in reasons.items()
+        if len(rows)
+    ]
+
+
 def with_differences(names: pd.Series, texts: pd.DataFrame) -> pd.Series:
     """Names, followed by the columns in which rows of one name differ: `A, k 5`."""
     titles = names.copy()

@@ -44,15 +44,10 @@ _SPAWN_KEYS = 0x5A7E, 0x5A7F
 class SaveRun(BaseCallback):
     """Records a run in a folder, see `curiosity_algos.experiments.run_folder`.
 
-    A run that was killed continues from its last checkpoint, and ends in the same files:
-
-        checkpoint = RunFolder("runs/hard").checkpoint
-        model = CuriosityES.load(checkpoint / "model", env="CuriosityMaze-Hard-v0")
-        rest = 1e7 - model.num_timesteps
-        model.learn(rest, callback=SaveRun("runs/hard"), reset_num_timesteps=False)
-
-    `load_baseline` loads `TD3ICM`, and algorithms of Stable-Baselines3 and sb3-contrib. A
-    VecNormalize is in the checkpoint's `vecnormalize.pkl`; `load_baseline` leaves it to you.
+    A run that was killed continues from its last checkpoint, `RunFolder(folder).checkpoint`, with
+    `reset_num_timesteps=False`, and ends in the same files. `load_baseline` loads `TD3ICM`, and
+    algorithms of Stable-Baselines3 and sb3-contrib. A VecNormalize is in the checkpoint's
+    `vecnormalize.pkl`; `load_baseline` leaves it to you.
 
     Args:
         folder: Folder of the run: empty or missing, or that of the run that continues.

@@ -92,7 +92,6 @@ def test_robots_are_drawn_without_a_screen(variables, libraries, chosen, run_her
     assert seen == [chosen]
 
 
-@pytest.mark.extra("report")
 def test_stable_baselines_algorithms_are_compared_with_ours(run_here, refused, tmp_path):
     """Trained, gone on with, played, and shown beside an algorithm of this package."""
     maze = ["--env", "CuriosityMaze-US-v0", "--env-kwargs", "horizon:50"]
@@ -287,7 +286,6 @@ def my_worlds(tmp_path, monkeypatch):
     forget()
 
 
-@pytest.mark.extra("report")
 def test_environments_of_another_package_need_nothing_but_their_ids(run_here, tmp_path, my_worlds):
     """In every command, in processes that have not imported the package, and when played again."""
     envs = "my_worlds:mine/us-v0,my_worlds:mine/hard-v0"

@@ -74,7 +74,7 @@ DAMAGES = {
 }
 
 
-@pytest.mark.extra("minari", "report")
+@pytest.mark.extra("minari")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 def test_damage_is_one_sentence(run, run_here, damage, tmp_path, monkeypatch):

@@ -8,7 +8,6 @@ from PIL import Image
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
 
 
-@pytest.mark.extra("report")
 def test_a_run_is_reported(run_here, tmp_path):
     words = ["--algo", "nslc", "--env", "CuriosityMaze-US-v0", "-n", "3e3", *SMALL]
     status, _, errors = run_here("train", *words)
@@ -21,7 +20,6 @@ def test_a_run_is_reported(run_here, tmp_path):
     assert "NSLC" in text
 
 
-@pytest.mark.extra("report")
 @pytest.mark.parametrize(
     ("words", "message"),
     [

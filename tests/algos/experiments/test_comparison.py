@@ -66,7 +66,7 @@ def test_a_seed_counts_once_and_two_runs_have_no_interval(runs, y, tmp_path):
     shutil.copytree(runs[0], tmp_path / "again")
     figure = compare([*runs, tmp_path], y=y)
     assert labels(figure) == ["MAPElites (3 runs)"]
-    assert "1 with the seed of another run" in figure.get_supxlabel()
+    assert f"that of another run: {tmp_path / 'again'}." in figure.get_supxlabel()
     few = compare(runs[:2], y=y)
     assert "seed" not in few.get_supxlabel()
     for drawn, has_band in ((figure, True), (few, False)):

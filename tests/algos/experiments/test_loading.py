@@ -86,7 +86,6 @@ def whole(make_runs):
     return make_runs(MAPElites, seeds=(0,))[0]
 
 
-@pytest.mark.extra("report")
 def test_a_report_reads_each_file_once(whole, tmp_path, monkeypatch):
     paths = []
 

@@ -1,25 +1,16 @@
 import json
 import re
 import shutil
-import sys
 from html.parser import HTMLParser
 from itertools import pairwise
 
-import numpy as np
 import pytest
-from gymnasium.error import DependencyNotInstalled
 from html_tables import first_table
 
-from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.report import write_report
-from curiosity_algos.experiments.run_folder import RunFolder
-
-pytestmark = pytest.mark.extra("report")
 
 MAZE = "CuriosityMaze-Hard-v0"
 MEASURED = ("coverage/reachable", "archive/qd_score", "archive/size")
-BUDGET = 15_000_000
-"""Bytes of a page about a hundred runs, plotly included."""
 
 
 class Elements(HTMLParser):
@@ -58,10 +49,6 @@ def first_row(text):
     return dict(zip(head, row, strict=True))
 
 
-def figures(text):
-    return json.loads(re.search(r'id="figures">(.*?)</script>', text)[1])
-
-
 def describe(run, **changes):
     """Change fields of a run's description."""
     path = run / "run.json"
@@ -76,17 +63,17 @@ def test_the_same_runs_give_the_same_bytes(page, runs_folder, tmp_path):
 
 def test_nothing_is_loaded_and_all_has_its_place_and_name(page):
     elements = Elements(page).found
-    assert not [tag for tag, _ in elements if tag in {"link", "img", "iframe", "object", "embed"}]
+    assert not {tag for tag, _ in elements} & {"link", "script", "iframe", "object", "embed"}
     levels = [int(tag[1]) for tag, _ in elements if re.fullmatch("h[1-6]", tag)]
     assert (levels[0], levels.count(1)) == (1, 1)
     assert all(after - before <= 1 for before, after in pairwise(levels))
     ids = [attributes["id"] for _, attributes in elements if "id" in attributes]
     assert len(ids) == len(set(ids))
     for tag, attributes in elements:
-        assert "src" not in attributes, tag
-        if attributes.get("role") in {"img", "region"}:
+        assert attributes.get("src", "data:image/png;base64,").startswith("data:"), tag
+        if attributes.get("role") == "region":
             assert attributes["aria-label"]
-    assert set(figures(page)) == {name for name in ids if name.startswith("figure-")}
+        assert tag != "img" or attributes["alt"]
     links = [attributes["href"] for _, attributes in elements if "href" in attributes]
     assert set(links) <= {f"#{name}" for name in ids}
     assert links[0] == "#main"  # past what all pages begin with
@@ -99,7 +86,7 @@ def test_texts_of_a_run_are_no_elements(runs_folder, tmp_path, report):
     describe(run, env="R&D's-v0", algorithm="</script><b>")
     text = report(run)
     assert "</script><b>" not in text
-    labels = [attributes.get("aria-label") for _, attributes in Elements(text).found]
+    labels = [attributes.get("alt") for _, attributes in Elements(text).found]
     assert "Map of </script><b> on R&D's-v0" in labels
 
 
@@ -107,11 +94,10 @@ def test_each_environment_has_its_parts(page):
     pole, maze, mountain, *_ = page.split('<section class="card"')[1:]
     assert "No maps" in pole
     assert [part.count("<figure>") for part in (pole, maze, mountain)] == [0, 3, 2]
+    assert [part.count("<img") for part in (pole, maze, mountain)] == [1, 4, 3]
     assert [part.count("<h3>Elites</h3>") for part in (pole, maze, mountain)] == [0, 1, 1]
     assert ">SparseGridArchive</figcaption>" in maze
-    assert "Left out, as no episode had ended" in maze
-    assert "</span> goal" in maze
-    assert "</span> goal" not in mountain
+    assert "Left out, as no episode has ended" in maze
 
 
 def test_only_runs_that_have_not_begun(runs_folder, tmp_path, report):
@@ -119,7 +105,7 @@ def test_only_runs_that_have_not_begun(runs_folder, tmp_path, report):
     shutil.copytree(new, tmp_path / "new")
     text = report(tmp_path)
     assert "0 runs" in text
-    assert "no episode had ended" in text
+    assert "no episode has ended" in text
 
 
 def test_a_seed_counts_once_and_lengths_are_named(runs_folder, tmp_path, report):
@@ -127,7 +113,7 @@ def test_a_seed_counts_once_and_lengths_are_named(runs_folder, tmp_path, report)
     folders = [runs_folder / "NSES", tmp_path / "again"]
     text = report(*folders)
     assert "3 runs on 1 environment." in text
-    assert re.search("as another run of the same seed[^<]*again", text)
+    assert re.search("a seed counts once[^<]*again", text)
     (result,) = tmp_path.glob("again/checkpoints/*/result.json")
     result.write_text(json.dumps(json.loads(result.read_text()) | {"timesteps": 9999}))
     row = first_row(report(*folders))
@@ -151,20 +137,11 @@ def test_a_task_without_success_has_its_first_reward(runs_folder, report):
     row = first_row(text)
     assert row["Runs with a reward"] == "2 of 2"
     assert 0 < int(row["First reward, median timesteps"]) < 1500
-    layouts = [figure["layout"] for figure in figures(text).values()]
-    titles = [
-        axis["title"]["text"]
-        for layout in layouts
-        for name, axis in layout.items()
-        if name.startswith("yaxis")
-    ]
-    assert titles == ["best return so far", "runs without reward"]
 
 
 def test_a_task_of_costs_has_no_count(runs_folder, report):
     text = report(*(runs_folder / "MAPElites").glob("Mountain*"))
     assert first_row(text)["Runs with a success"] == "\N{EN DASH}"
-    assert "runs without" not in str(figures(text))
 
 
 def test_rows_of_other_callbacks_are_left_out(runs_folder, tmp_path, report):
@@ -182,7 +159,7 @@ def test_rows_of_other_callbacks_are_left_out(runs_folder, tmp_path, report):
     assert report(tmp_path / "runs") == whole
 
 
-def test_a_failure_leaves_the_page_as_it_was(runs_folder, tmp_path, monkeypatch):
+def test_a_failure_leaves_the_page_as_it_was(runs_folder, tmp_path):
     shutil.copytree(runs_folder / "MAPElites", tmp_path / "runs")
     out = tmp_path / "report.html"
     out.write_text("before")
@@ -191,33 +168,5 @@ def test_a_failure_leaves_the_page_as_it_was(runs_folder, tmp_path, monkeypatch)
         write_report([tmp_path / "runs"], out)
     with pytest.raises(IsADirectoryError, match="`out` must be a file"):
         write_report([tmp_path / "runs"], tmp_path)
-    monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    with pytest.raises(DependencyNotInstalled, match=r"curiosity-search\[report\]"):
-        write_report([tmp_path / "nothing"], tmp_path / "new" / "report.html")
     assert out.read_text() == "before"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "runs"]
-
-
-def test_a_hundred_long_runs_fit(runs_folder, tmp_path, report):
-    from plotly.offline import get_plotlyjs
-
-    shutil.copytree(runs_folder / "NSES" / MAZE / "0", tmp_path / "run")
-    lengthen(RunFolder(tmp_path / "run"), 20_000)
-    plotly = len(get_plotlyjs().encode())
-    size = len(report(tmp_path / "run").encode()) - plotly
-    assert 20_000 < size < (BUDGET - plotly) / 100
-
-
-def lengthen(run, n):
-    """Add episodes, a thousand timesteps each, to a run, and a log that is as long."""
-    before, end = run.result()["n_episodes"], run.result()["timesteps"] + 1000 * n
-    timesteps = end - 1000 * np.arange(n)[::-1]
-    old = {k: np.resize(v, n) for k, v in Run(run.path).final_states.items() if k != "behavior"}
-    places = np.random.default_rng(n).uniform(0.0, 200.0, (n, 4))
-    changed = {"timesteps": timesteps, "generation": np.arange(n), "behavior": places}
-    run.add_final_states(before, old | changed)
-    path = run.checkpoint / "result.json"
-    ends = {"timesteps": end, "total_timesteps": end, "n_episodes": before + n}
-    path.write_text(json.dumps(json.loads(path.read_text()) | ends))
-    rows = "".join(f"{t},{t / 1e5},{i / n}\n" for i, t in enumerate(timesteps))
-    run.progress.write_text(f"time/total_timesteps,time/seconds,coverage/reachable\n{rows}")

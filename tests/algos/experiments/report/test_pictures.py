@@ -2,6 +2,7 @@ import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.collections import PatchCollection, QuadMesh
 
 from curiosity_algos import TD3ICM
 from curiosity_algos.experiments import load_final_states, load_progress
@@ -38,49 +39,46 @@ def write_run(tmp_path):
     return write
 
 
-def traces_of(figure, panel):
-    return [trace for trace in figure["data"] if trace["yaxis"] == f"y{panel}"]
+def cells_of(figure):
+    """The timesteps of the cells of a map, by y and x; NaN where no episode ended."""
+    (squares,) = [each for each in figure.axes[0].collections if isinstance(each, QuadMesh)]
+    return squares.get_array().filled(np.nan)
 
 
-def test_curves_are_those_of_the_runs(maze):
+def test_curves_are_those_of_the_runs(maze, has_ink):
     figure = draw_curves(maze, color_labels(maze["label"]))
-    axes = [figure["layout"][f"yaxis{i}"]["title"] for i in (1, 2, 3)]
-    assert axes == ["coverage", "best return so far", "runs without success"]
-    _, alone, thin, low, high, mean = traces_of(figure, 1)
-    assert [trace["name"] for trace in (alone, mean)] == ["MAPElites", "NSES"]
-    ends = maze[maze["label"] == "NSES"]["coverage.reachable"]
-    assert mean["y"][-1] == pytest.approx(ends.mean(), rel=1e-6)
-    assert np.isnan(thin["x"]).sum() == 3
-    assert (low["y"] <= mean["y"] + 1e-9).all()
-    assert (mean["y"] <= high["y"] + 1e-9).all()
-    assert traces_of(figure, 3)[0]["y"].tolist() == [1.0, 1.0]
+    labels = ["coverage (%)", "highest return so far", "runs without success (%)"]
+    assert [ax.get_ylabel() for ax in figure.axes] == labels
+    coverage = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 2.0]
+    shares = 100.0 * maze.groupby("label", sort=False)["coverage.reachable"].mean()
+    assert [line.get_ydata()[-1] for line in coverage] == pytest.approx(list(shares))
+    assert set(figure.axes[2].get_lines()[0].get_ydata()) == {100.0}
+    assert has_ink(figure, figure.axes[0])
 
 
 def test_elites_are_those_of_the_log(maze):
     alone = maze[maze["algorithm"] == "MAPElites"]
     figure = draw_elites(alone, color_labels(alone["label"]))
     log = load_progress(alone["run"].item())
-    for panel, column in enumerate(("archive/qd_score", "archive/size"), 1):
-        thin, mean = traces_of(figure, panel)
-        np.testing.assert_allclose(thin["y"][:-1], log[column])
-        assert mean["y"][-1] == pytest.approx(log[column].iloc[-1])
+    for ax, column in zip(figure.axes, ("archive/qd_score", "archive/size"), strict=True):
+        thin, mean = ax.get_lines()
+        np.testing.assert_allclose(thin.get_ydata(), log[column])
+        assert mean.get_ydata()[-1] == pytest.approx(log[column].iloc[-1])
 
 
 def test_a_maze_is_drawn_with_its_walls(maze):
     plane = plane_of(maze)
     assert plane.names == ("x (maze units)", "y (maze units)")
-    figure = draw_map(maze, plane, 1500.0)
-    assert figure["layout"]["xaxis"]["range"] == [0.0, 200.0]
-    goal, walls, _ = figure["layout"]["shapes"]
-    assert goal["x1"] - goal["x0"] == 4.0
-    assert walls["path"].count("Z") == len(plane.maze.layout.walls)
-    assert (figure["data"][1]["x"], figure["data"][1]["y"]) == (195, 5)
+    ax = draw_map(maze, plane, 1500.0).axes[0]
+    assert ax.get_xlim() == (0.0, 200.0)
+    (walls,) = [each for each in ax.collections if isinstance(each, PatchCollection)]
+    assert len(walls.get_paths()) == len(plane.maze.layout.walls)
 
 
 def test_cells_of_a_maze_are_those_of_coverage(maze):
     grid = plane_of(maze).maze.coverage_grid
     for i in maze.index:
-        cells = ~np.isnan(draw_map(maze.loc[[i]], plane_of(maze), 1.0)["data"][0]["z"].T)
+        cells = ~np.isnan(cells_of(draw_map(maze.loc[[i]], plane_of(maze), 1.0)).T)
         share = (cells & grid.reachable).sum() / grid.reachable.sum()
         assert share == pytest.approx(maze.loc[i, "coverage.reachable"])
 
@@ -88,7 +86,7 @@ def test_cells_of_a_maze_are_those_of_coverage(maze):
 def test_a_cell_counts_from_the_first_episode_of_any_run_that_ended_in_it(write_run):
     places = [[0.0, 0.0], [0.99, 0.0], [np.nan, 0.5], [0.0, 9.0]]
     one, other = write_run(places, [10, 20, 30, 40]), write_run([[0.0, 0.0]], [5])
-    cells = draw_map(pd.concat([one, other]), SQUARE, 40.0)["data"][0]["z"]
+    cells = cells_of(draw_map(pd.concat([one, other]), SQUARE, 40.0))
     assert (cells[0, 0], cells[0, -1], cells[-1, 0]) == (5, 20, 40)  # what is outside counts beside
     assert np.isnan(cells).sum() == N_CELLS**2 - 3
 
@@ -114,9 +112,8 @@ def test_axes_have_the_names_of_the_behavior(write_run):
         (old, ["behavior 1", "behavior 2"]),
         (pd.concat([old, write_run([[0.1, 0.2, 0.0]], **names)]), ["ball x (m)", "ball z (m)"]),
     ]:
-        figure = draw_map(runs, plane_of(runs), 1.0)
-        assert [figure["layout"][axis]["title"] for axis in ("xaxis", "yaxis")] == expected
-        assert f"{expected[1]}: %{{y:.3~g}}" in figure["data"][0]["hovertemplate"]
+        ax = draw_map(runs, plane_of(runs), 1.0).axes[0]
+        assert [ax.get_xlabel(), ax.get_ylabel()] == expected
 
 
 def test_an_environment_that_cannot_be_made_again_has_no_walls(write_run, monkeypatch):

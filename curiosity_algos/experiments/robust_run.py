@@ -12,10 +12,9 @@ from stable_baselines3 import PPO
 
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments.baselines import load_baseline
-from curiosity_algos.experiments.description import describe_run
-from curiosity_algos.experiments.differences import check_same
+from curiosity_algos.experiments.description import check_same, describe_run
 from curiosity_algos.experiments.env_spec import make_env
-from curiosity_algos.experiments.run import Run
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm

@@ -7,8 +7,8 @@ from stable_baselines3 import PPO
 from walk import Walk
 
 from curiosity_algos.experiments import film
+from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.robust_run import robustify_run
-from curiosity_algos.experiments.run import Run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import train

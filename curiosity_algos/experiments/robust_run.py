@@ -76,7 +76,10 @@ def robustify_run(
         if not _is_over(folder, timesteps, success):
             training.learn(timesteps, save, progress_bar=progress_bar)
     with closing(make()) as env:
-        return evaluate_starts(training.model, env)
+        starts = evaluate_starts(training.model, env)
+    noted = {"n": len(starts.success), "success": int(starts.success.sum())}
+    RunFolder(folder).note(starts=noted)
+    return starts
 
 
 def _is_over(folder: Path, timesteps: float, success: float) -> bool:

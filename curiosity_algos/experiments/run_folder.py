@@ -50,6 +50,7 @@ RESULT: JsonTypes = {
     "first_success_timesteps": int | None,
     "seconds": float,
     **dict.fromkeys(("coverage", "pending_log"), dict),
+    "starts": dict | None,
     "ended": bool,
 }
 """The same of `result.json`."""
@@ -187,10 +188,10 @@ class RunFolder:
             return {}
         return self.read(lambda checkpoint: read_json(checkpoint / "result.json", RESULT))
 
-    def end(self) -> None:
-        """Note that training has ended at the last checkpoint."""
+    def note(self, **fields: Any) -> None:
+        """Add fields to the result of the last checkpoint."""
         assert self.checkpoint is not None
-        write_json(self.checkpoint / "result.json", self.result() | {"ended": True})
+        write_json(self.checkpoint / "result.json", self.result() | fields)
 
     def add_final_states(self, first: int, columns: Mapping[str, Array]) -> None:
         """Write the final states of episodes; `first` is the number of the first episode."""

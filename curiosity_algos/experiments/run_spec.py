@@ -199,7 +199,7 @@ class RunSpec:
 
     def _make_env(self) -> VecEnv:
         """The environments; errors of their own pass, except of keywords that they do not take."""
-        make = partial(make_single, self.env, self.repeat_action, self.env_kwargs, self.wrappers)
+        make = self.make_single
         try:
             if is_baseline(find_algorithm(self.algorithm)):
                 return VecMonitor(open_batch(make, self.n_envs))
@@ -212,6 +212,10 @@ class RunSpec:
             if not any(name in message for name in named):
                 raise
             raise ValueError(f"`env_kwargs` must be keywords of {self.env}: {message}.") from error
+
+    def make_single(self) -> gym.Env[Any, Any]:
+        """One of the environments."""
+        return make_single(self.env, self.repeat_action, self.env_kwargs, self.wrappers)
 
     def load(self, checkpoint: Path) -> BaseAlgorithm:
         """The model as it was at a checkpoint."""

@@ -169,7 +169,7 @@ class SaveRun(BaseCallback):
         assert self._log is not None
         self._log.end(self.logger.name_to_value)
         self._save(exclude=["buffer"])
-        self.folder.end()
+        self.folder.note(ended=True)
         self.close()
 
     def close(self) -> None:

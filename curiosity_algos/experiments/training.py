@@ -19,6 +19,10 @@ from curiosity_algos.experiments.description import check_same, describe_run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
+from curiosity_algos.robust.measure import draws_starts, evaluate_starts, in_words
+
+N_STARTS = 100
+"""Unseen starts that the policy of a run is tested from, where starts are drawn."""
 
 
 def is_finished(run: RunSpec, folder: Path) -> bool:
@@ -72,6 +76,7 @@ def train(
         RunFolder(folder).lock().release()  # raises where another process trains
         with _traceback_kept(folder), closing(save):
             _learn(model, save, run.timesteps, progress_bar=progress_bar)
+            _measure_starts(model, run, RunFolder(folder))
     return True
 
 
@@ -99,6 +104,18 @@ def _learn(model: BaseAlgorithm, save: SaveRun, timesteps: float, *, progress_ba
         raise
 
 
+def _measure_starts(model: BaseAlgorithm, run: RunSpec, folder: RunFolder) -> None:
+    """Note from how many unseen starts the policy comes to what the run has come to."""
+    result = folder.result()
+    events = ("first_success_timesteps", "first_reward_timesteps")
+    if all(result.get(event) is None for event in events):
+        return
+    with closing(run.make_single()) as env:
+        if draws_starts(env):
+            success = evaluate_starts(model, env, N_STARTS).success
+            folder.note(starts={"n": N_STARTS, "success": int(success.sum())})
+
+
 def _env_of(model: BaseAlgorithm) -> closing[VecEnv]:
     """Close a model's environments after a block."""
     env = model.get_env()
@@ -114,6 +131,8 @@ def summary(folder: Path) -> str:
     shares = [f"{name} {share:.1%}" for name, share in result["coverage"].items()]
     if shares:
         words.append(f"coverage {', '.join(shares)}")
+    if starts := result.get("starts"):
+        words.append(f"succeeds from {in_words(starts['success'], starts['n'])}")
     return f"{folder}: {', '.join(words)}"
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
 from scipy.stats import binomtest
 
@@ -42,15 +43,29 @@ class Starts:
     @property
     def interval(self) -> tuple[float, float]:
         """Its 95 % confidence interval (Wilson 1927)."""
-        test = binomtest(int(self.success.sum()), len(self.success))
-        low, high = test.proportion_ci(method="wilson")
-        return float(low), float(high)
+        return wilson(int(self.success.sum()), len(self.success))
 
     def __str__(self) -> str:
         """In words."""
-        low, high = self.interval
-        count = f"{int(self.success.sum())} of {len(self.success)} starts"
-        return f"{count} (95 % interval {low:.0%} to {high:.0%})"
+        return in_words(int(self.success.sum()), len(self.success))
+
+
+def wilson(k: int, n: int) -> tuple[float, float]:
+    """The 95 % confidence interval of a share, k of n (Wilson 1927)."""
+    low, high = binomtest(k, n).proportion_ci(method="wilson")
+    return float(low), float(high)
+
+
+def in_words(k: int, n: int) -> str:
+    """The number of starts from which a policy succeeded, and the interval of their share."""
+    low, high = wilson(k, n)
+    return f"{k} of {n} starts (95 % interval {low:.0%} to {high:.0%})"
+
+
+def draws_starts(env: gym.Env[Any, Any]) -> bool:
+    """Whether episodes of an environment begin at different observations."""
+    one, other = (env.reset(seed=UNSEEN + i)[0] for i in range(2))
+    return not data_equivalence(one, other)
 
 
 def evaluate_starts(

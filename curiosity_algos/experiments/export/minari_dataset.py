@@ -81,7 +81,8 @@ def export_minari(
     make = partial(make_env, opened.description, trust=trust)
     with given_or_made(env, make) as env, TemporaryDirectory(prefix=".", dir=_root()) as folder:
         chosen = read_policies(opened, policies, env).select(n_policies)
-        about = _describe(opened.description, env.spec, policies, chosen)
+        starts = opened.result.get("starts")
+        about = _describe(opened.description, env.spec, policies, chosen, starts)
         _write(Path(folder, "dataset"), env, chosen, {"dataset_id": dataset_id, **about})
         namespace, _, _ = dataset_id.rpartition("/")
         if namespace and namespace not in namespaces.list_local_namespaces():
@@ -134,7 +135,11 @@ def _new_path(dataset_id: str) -> Path:
 
 
 def _describe(
-    described: dict[str, Any], spec: EnvSpec | None, kind: str, policies: Policies
+    described: dict[str, Any],
+    spec: EnvSpec | None,
+    kind: str,
+    policies: Policies,
+    starts: dict[str, int] | None,
 ) -> dict[str, Any]:
     """Minari's metadata of the run."""
     from minari import __version__ as minari_version
@@ -150,7 +155,7 @@ def _describe(
             "timesteps."
         ),
         "requirements": [f"curiosity-search>={__version__}"] if is_ours else [],
-        "run": {**about, "timesteps": policies.timesteps, "policies": kind},
+        "run": {**about, "timesteps": policies.timesteps, "policies": kind, "starts": starts},
         "played_with": versions(),
     }
 

@@ -63,7 +63,16 @@ def _row(runs: pd.DataFrame, event: str | None) -> dict[str, str]:
         else f"{median:,.0f}",
         "Best return, IQM": _interval(runs["best_return"], "{:,.3f}".format),
         "Coverage, IQM": _interval(_coverage(runs), percent),
+        **_starts(runs),
     }
+
+
+def _starts(runs: pd.DataFrame) -> dict[str, str]:
+    """From what share of unseen starts policies succeed, if starts are drawn."""
+    if "starts.success" not in runs:
+        return {}
+    shares = runs["starts.success"] / runs["starts.n"]
+    return {"Success from unseen starts, IQM": _interval(shares, percent)}
 
 
 def has_coverage(runs: pd.DataFrame) -> bool:

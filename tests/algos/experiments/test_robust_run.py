@@ -6,14 +6,16 @@ import pytest
 from stable_baselines3 import PPO
 from walk import Walk
 
+from curiosity_algos import CuriosityES
 from curiosity_algos.experiments import film
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.robust_run import robustify_run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.training import train
+from curiosity_algos.experiments.training import summary, train
 from curiosity_algos.robust import robustify, watch
 from curiosity_algos.robust.demonstrations import Demonstration
+from curiosity_algos.robust.measure import evaluate_starts
 
 ENV = "SparseWalk-v0"
 SEARCH = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}, "n_transitions": 5}
@@ -56,6 +58,19 @@ def test_the_policy_works_and_is_a_run_as_others(search, tmp_path):
     again = robustify_run(search, tmp_path, timesteps=1e5)  # nothing is left to do
     np.testing.assert_array_equal(again.success, starts.success)
     assert Run(tmp_path).result["timesteps"] == run.result["timesteps"]
+
+
+def test_a_run_says_from_how_many_unseen_starts_its_policy_succeeds(search, tmp_path):
+    noted = Run(search).result["starts"]
+    env = gym.make(ENV)
+    model = CuriosityES.load(RunFolder(search).checkpoint / "model", env=env)
+    success = evaluate_starts(model, env).success
+    assert noted == {"n": 100, "success": success.sum()}
+    assert f"succeeds from {noted['success']} of 100 starts" in summary(search)
+    one_start = RunSpec("canonical_es", "CuriosityMaze-Hard-v0", 0, 1, {"goal_radius": 150.0})
+    train(one_start, tmp_path)
+    assert Run(tmp_path).result["first_success_timesteps"]
+    assert "starts" not in Run(tmp_path).result
 
 
 def test_a_training_that_was_interrupted_ends_as_if_it_had_not_been(

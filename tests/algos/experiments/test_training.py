@@ -97,7 +97,7 @@ def test_one_that_was_killed_at_its_end_is_ended(tmp_path, monkeypatch, assert_s
     def kill(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("curiosity_algos.experiments.run_folder.RunFolder.end", kill)
+    monkeypatch.setattr("curiosity_algos.experiments.run_folder.RunFolder.note", kill)
     with pytest.raises(KeyboardInterrupt):
         train(small(), killed)
     monkeypatch.undo()

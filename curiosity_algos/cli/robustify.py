@@ -12,10 +12,26 @@ from curiosity_algos.cli.options import Trust, find_own_modules
 
 
 def robustify(
-    run: Annotated[Path, Argument(help="The folder of a run that has found a success.")],
+    run: Annotated[
+        str,
+        Argument(
+            help="Folder of a run that has found a success, or with --pretrained the id of an "
+            "environment."
+        ),
+    ],
+    pretrained: Annotated[
+        str | None,
+        Option(
+            help="Algorithm whose best policy the package has, for the run's.",
+            metavar="ALGO",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
-        Option(help="Folder for the training. Without it, robust in the run's folder."),
+        Option(
+            help="Folder for the training. Without it, robust in the run's folder (with "
+            "--pretrained, here)."
+        ),
     ] = None,
     timesteps: Annotated[
         float, Option("--timesteps", "-n", help="Environment steps, at most.")
@@ -34,14 +50,17 @@ def robustify(
     same command is given again.
 
     Example: curiosity robustify runs/CuriosityES/CuriosityLocomotion-AntTrap-v0/0
+
+    Example: curiosity robustify --pretrained curiosity_es CuriosityLocomotion-AntTrap-v0
     """
     from curiosity_algos.experiments.robust_run import robustify_run
 
     if trust:
         find_own_modules()
-    folder = run / "robust" if out is None else out
+    source = Path(run) if pretrained is None else (pretrained, run)
+    folder = (source if isinstance(source, Path) else Path()) / "robust" if out is None else out
     starts = robustify_run(
-        run,
+        source,
         folder,
         timesteps=timesteps,
         success=success,

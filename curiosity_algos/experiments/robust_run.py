@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import pandas as pd
 from stable_baselines3 import PPO
 
@@ -14,12 +15,15 @@ from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments.baselines import load_baseline
 from curiosity_algos.experiments.description import check_same, describe_run
 from curiosity_algos.experiments.env_spec import make_env
+from curiosity_algos.experiments.film import Source
 from curiosity_algos.experiments.loading import Run
+from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.robust.demonstrations import (
     Demonstration,
+    demonstrate,
     demonstrations_of,
     load_demonstrations,
     save_demonstrations,
@@ -30,7 +34,7 @@ from curiosity_algos.sb3.bonus_wrapper import found_episodes
 
 
 def robustify_run(
-    source: Path,
+    source: Source,
     folder: Path,
     *,
     timesteps: float = 1e7,
@@ -44,7 +48,8 @@ def robustify_run(
     """Train a policy from the episodes that a run found, or go on where that was interrupted.
 
     Args:
-        source: Folder of the run.
+        source: Folder of the run, or the algorithm and the environment of a policy that comes with
+            the package.
         folder: Folder of the training, a run of PPO; the episodes are in its `demonstrations.npz`.
         timesteps: As in `robustify`, the first ones included.
         success: As in `robustify`.
@@ -61,9 +66,8 @@ def robustify_run(
         FileNotFoundError: If there is no run.
         ValueError: If it has found no episode that succeeds, or `folder` holds another run.
     """
-    run = Run(source)
-    make = partial(make_env, run.description, trust=trust)
-    demonstrations = _demonstrations(run, folder, make)
+    make = _maker(source, trust)
+    demonstrations = _demonstrations(source, folder, make)
     training = Training(make, demonstrations, success=success, seed=seed, device=device)
     checkpoint = RunFolder(folder).checkpoint
     with closing(training.env), closing(SaveRun(folder, interval=interval)) as save:
@@ -91,15 +95,28 @@ def _is_over(folder: Path, timesteps: float, success: float) -> bool:
     return bool(run.result["timesteps"] >= timesteps or tested.iloc[-1] >= success)
 
 
-def _demonstrations(run: Run, folder: Path, make: MakeEnv) -> list[Demonstration]:
-    """Those in the folder, or else of the run."""
+def _maker(source: Source, trust: bool) -> MakeEnv:
+    if isinstance(source, tuple):
+        return partial(gym.make, source[1])
+    return partial(make_env, Run(source).description, trust=trust)
+
+
+def _demonstrations(source: Source, folder: Path, make: MakeEnv) -> list[Demonstration]:
+    """Those in the folder, or else of the source."""
     path = RunFolder(folder).demonstrations
     if not path.exists():
         with closing(make()) as env:
-            found = demonstrations_of(run.folder.read(partial(_load, run, env)), env)
+            found = _find(source, env)
         folder.mkdir(parents=True, exist_ok=True)
         save_demonstrations(path, found)
     return load_demonstrations(path)
+
+
+def _find(source: Source, env: gym.Env[Any, Any]) -> list[Demonstration]:
+    if isinstance(source, tuple):
+        return [demonstrate(load_pretrained(*source), env, pretrained_seed(*source) or 0)]
+    run = Run(source)
+    return demonstrations_of(run.folder.read(partial(_load, run, env)), env)
 
 
 def _load(run: Run, env: Any, checkpoint: Path) -> Any:

@@ -75,14 +75,19 @@ class Imitation:
         self._steps = np.concatenate([np.arange(len(each)) for each in demonstrations])
         self._which = np.repeat(np.arange(len(demonstrations)), [len(d) for d in demonstrations])
 
-    def fit(self, n_steps: int, fronts: Int64Array | None = None) -> None:
+    def fit(
+        self,
+        n_steps: int,
+        learning_rate: float = LEARNING_RATE,
+        fronts: Int64Array | None = None,
+    ) -> None:
         """Take gradient steps, on what is ahead of each front; None: on all."""
         ahead = np.arange(len(self._steps))
         if fronts is not None:
             ahead = np.flatnonzero(self._steps <= fronts[self._which])
         policy = self.model.policy
         fitted = [value for name, value in policy.named_parameters() if name != "log_std"]
-        optimizer = th.optim.Adam(fitted, lr=LEARNING_RATE)
+        optimizer = th.optim.Adam(fitted, lr=learning_rate)
         draws = np.random.default_rng([self.seed, self.model.num_timesteps])
         for _ in range(n_steps):
             chosen = th.as_tensor(draws.choice(ahead, BATCH_SIZE), device=self.model.device)

@@ -29,7 +29,9 @@ SHRINKING = 1_200_000
 """Timesteps in which steps shrink by 1 / e, once all starts are fresh: a constant rate forgets."""
 SMALLEST_CLIP = 0.05
 N_KEPT = 40
-"""Steps of imitation after each of PPO's, so that what is ahead of the fronts is not forgotten."""
+"""Steps of imitation after each rollout, times the share of demonstrations ahead of the fronts."""
+KEPT_RATE = 3e-4
+"""Their learning rate: that of PPO."""
 TEST_INTERVAL, N_TESTED = 250_000, 100
 """Timesteps between two tests of whether the policy works by now, and the starts of one."""
 NEARLY = 0.25
@@ -70,8 +72,8 @@ class Watch(BaseCallback):
         extractor = self.model.policy.features_extractor
         if isinstance(extractor, Standardized):
             extractor.settle()
-        if not self.starts.is_free:
-            self.imitation.fit(N_KEPT, self.starts.fronts)
+        n_kept = math.ceil(N_KEPT * progress_of(self.starts)["front"])
+        self.imitation.fit(n_kept, KEPT_RATE, self.starts.fronts)
         self._shrink()
         self._is_over = self._is_stuck() or self._works()
 

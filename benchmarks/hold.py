@@ -1,0 +1,120 @@
+"""From how many unseen starts policies succeed: `python -m benchmarks.hold`, `run` or `collect`.
+
+A search finds episodes, `robustify` trains a policy by them, and both are tested from the same 100
+starts. Runs are in `runs/hold/TASK/SEED`; what was interrupted continues.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import typer
+
+from benchmarks.results import FOLDER, add_rows
+from curiosity_algos import evaluate_starts
+from curiosity_algos.experiments.loading import Run
+from curiosity_algos.experiments.pretrained import load_pretrained
+from curiosity_algos.experiments.robust_run import robustify_run
+from curiosity_algos.experiments.run_spec import RunSpec
+from curiosity_algos.experiments.training import N_STARTS, train
+from curiosity_algos.robust.demonstrations import load_demonstrations
+
+app = typer.Typer(pretty_exceptions_enable=False)
+RUNS = Path("runs/hold")
+KEYS = ["task", "seed"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A search, and how long `robustify` may take; without timesteps the package has its policy."""
+
+    env: str
+    search_timesteps: float | None = None
+    timesteps: float = 1e7
+    search: Mapping[str, Any] = field(default_factory=dict)
+    """Other fields of the search's `RunSpec`."""
+
+    def spec(self, seed: int) -> RunSpec:
+        """The search."""
+        assert self.search_timesteps is not None
+        kwargs = {"algorithm": "curiosity_es", **self.search}
+        return RunSpec(env=self.env, seed=seed, timesteps=self.search_timesteps, **kwargs)
+
+
+RANDOM = {"env_kwargs": {"random_start": True}}
+APT = {
+    "algorithm": "ppo",
+    "bonus": "apt",
+    "bonus_kwargs": {"weight": 0.02},
+    "n_envs": 16,
+    "repeat_action": 10,
+    "settings": {"n_steps": 64},
+}
+TASKS = {
+    "MountainCarContinuous": Task("MountainCarContinuous-v0", 3e6),
+    "AntTrap": Task("CuriosityLocomotion-AntTrap-v0"),
+    "HumanoidTrap": Task("CuriosityLocomotion-HumanoidTrap-v0", timesteps=2e7),
+    "BallInCup": Task("CuriosityControl-BallInCup-v0", 1e6, search=RANDOM),
+    "Finger": Task("CuriosityControl-Finger-v0", 1e7, search=RANDOM),
+    "Hard, PPO + APT": Task("CuriosityMaze-Hard-v0", 3e5, 2e6, APT),
+    "Hard within 20, PPO + APT": Task(
+        "CuriosityMaze-Hard-v0", 3e5, 1e7, {**APT, "env_kwargs": {"start_radius": 20.0}}
+    ),
+}
+
+
+@app.command()
+def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None:
+    """Search and `robustify`, or go on with both."""
+    chosen, folder = TASKS[task], runs / task / str(seed)
+    source: Any = ("curiosity_es", chosen.env)
+    if chosen.search_timesteps is not None:
+        source = folder / "search"
+        train(chosen.spec(seed), source, interval=interval)
+    timesteps = chosen.timesteps
+    starts = robustify_run(
+        source, folder / "robust", timesteps=timesteps, seed=seed, interval=interval
+    )
+    typer.echo(f"{task}, seed {seed}: {starts}")
+
+
+@app.command()
+def collect(runs: Path = RUNS, out: Path = FOLDER) -> None:
+    """Add what runs came to, finished or not, to `hold.csv`."""
+    found = sorted(path.parent for path in runs.glob("*/*/robust/run.json"))
+    rows = [_row(folder) for folder in found if Run(folder / "robust").result.get("starts")]
+    add_rows(pd.DataFrame(rows), out / "hold.csv", KEYS)
+
+
+def _row(folder: Path) -> dict[str, Any]:
+    robust, task = Run(folder / "robust"), TASKS[folder.parent.name]
+    is_pretrained = task.search_timesteps is None
+    search = {} if is_pretrained else Run(folder / "search").result
+    solved = _solved(task) if is_pretrained else search.get("starts", {}).get("success")
+    demonstrations = load_demonstrations(robust.folder.demonstrations)
+    return {
+        "task": folder.parent.name,
+        "seed": int(folder.name),
+        "search_timesteps": search.get("timesteps"),
+        "search_seconds": search.get("seconds"),
+        "demonstration": len(demonstrations[0]),
+        "search_solved": solved,
+        "timesteps": robust.result["timesteps"],
+        "seconds": robust.result["seconds"],
+        "solved": robust.result["starts"]["success"],
+        "starts": robust.result["starts"]["n"],
+    }
+
+
+def _solved(task: Task) -> int:
+    """Unseen starts that the policy of the package solves."""
+    policy = load_pretrained("curiosity_es", task.env)
+    return int(evaluate_starts(policy, task.env, N_STARTS).success.sum())
+
+
+if __name__ == "__main__":
+    app()

@@ -27,9 +27,7 @@ FURTHER_GEOMS = 1000  # that a picture may show beside the model's own
 class MujocoViewer:
     """Draws frames of a width and height (pixels) of simulations of one model.
 
-    Raises:
-        gymnasium.error.DependencyNotInstalled: If there is no OpenGL to draw with.
-        gymnasium.error.Error: In a process forked from one that has drawn.
+    It raises Gymnasium's errors without OpenGL, and in a fork of a process that has drawn.
     """
 
     def __init__(self, model: mujoco.MjModel, *, width: int, height: int) -> None:

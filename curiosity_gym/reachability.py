@@ -47,8 +47,7 @@ def reachable_region(
 ) -> Region:
     """Return where the center of a robot of a half-width can get to from a start.
 
-    Walls (n, 4), as layouts have them, that touch leave no way between them, and neither does a
-    common corner. The border of the world is a wall too.
+    Walls (n, 4) that touch leave no way between them, and neither does a common corner.
     """
     left, right, xs = _grown_spans(walls[:, 0], walls[:, 2], size[0], radius)
     bottom, top, ys = _grown_spans(walls[:, 1], walls[:, 3], size[1], radius)

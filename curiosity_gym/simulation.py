@@ -39,10 +39,7 @@ class BaseSimulation:
 
     @abstractmethod
     def reset(self, ids: Ids | None = None, rngs: Rngs = (), options: Options = None) -> None:
-        """Begin the episodes of `ids`, sorted, None: all; the others stay as they are.
-
-        `rngs` draw random starts, one for each of `ids`, or one a start for all of them.
-        """
+        """Begin the episodes of `ids`, sorted; `rngs` draw a start for each, or one for all."""
 
     @abstractmethod
     def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:

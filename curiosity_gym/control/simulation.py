@@ -60,11 +60,7 @@ class Simulation(MujocoSimulation):
         self._targets[rows] = states[..., n:]
 
     def step(self, actions: FloatArray, ids: Ids | None = None) -> Mask:
-        """See `BaseSimulation`.
-
-        Raises:
-            SimulationError: If MuJoCo warned of a simulation, most of which it then resets.
-        """
+        """See `BaseSimulation`; a SimulationError, if MuJoCo warned of one, and maybe reset it."""
         self._stay_in_process()
         ids, rows = self._select(ids)
         self._controls[rows] = actions

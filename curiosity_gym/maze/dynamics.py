@@ -338,10 +338,9 @@ def step(
     action: npt.NDArray[np.float32],
     observation: npt.NDArray[np.float32],
 ) -> bool:
-    """One environment step: move, observe, and return whether the goal is reached.
+    """Step from `state` (4,) to `observation` (4 + n_beams,); whether the goal is reached.
 
-    `state` (4,) and `observation` (4 + n_beams,) are overwritten; `action` (2,) must be finite, and
-    is clipped here to [-1, 1].
+    Both are overwritten; `action` (2,) must be finite, and is clipped here to [-1, 1].
     """
     move(maze, state, min(max(action[0], -1.0), 1.0), min(max(action[1], -1.0), 1.0))
     observe(maze, state, observation)

@@ -40,9 +40,6 @@ def plot_density(
         ax: Axes to draw on; new ones by default.
         bins: Number of squares along the longer side of the maze.
 
-    Returns:
-        The axes.
-
     Raises:
         ValueError: `positions` is not (n, 2) or holds something else than finite numbers.
     """

@@ -138,5 +138,3 @@ class TestMachineCodeOnDisk:
             (tmp_path / "factor.py").write_text(FACTOR.format(factor))
             printed = run_python(SCALE_ONE.replace("package.", ""), [tmp_path, ROOT], **folder)
             assert printed == str(factor)
-
-    # Numba keeps machine code of a .zip, and none of other archives.

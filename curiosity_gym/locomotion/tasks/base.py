@@ -42,9 +42,6 @@ class LocomotionTask:
         model: The compiled MuJoCo model.
         frame_skip: Physics steps in a step, which lasts `dt` seconds.
         needs_forces: Whether anything asks for the forces from outside, which cost extra.
-
-    Raises:
-        ValueError: If the robot has no such behavior, or cannot turn in a world.
     """
 
     env_id: ClassVar[str]

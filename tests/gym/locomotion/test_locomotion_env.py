@@ -57,13 +57,6 @@ class TestEveryRobot:
             assert any(ours_said[1:]) == any(theirs_said[1:])
             done = any(ours_said[1:])
 
-    def test_has_a_native_vector_environment(self, robot):
-        env_id = f"CuriosityLocomotion-{robot}-v0"
-        envs = gym.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point")
-        assert isinstance(envs, LocomotionVectorEnv)
-        assert isinstance(envs.make_single_env(), LocomotionEnv)
-        assert envs.make_single_env().task == envs.task
-
 
 def actions_of(space, n_steps=60, seed=0):
     return np.random.default_rng(seed).uniform(-1, 1, (n_steps, *space.shape)).astype(np.float32)

@@ -228,7 +228,6 @@ SPACES = {
     "matrix": spaces.Box(np.arange(6, dtype=np.float32).reshape(2, 3), 9.0),
     "bytes": spaces.Box(0, 255, (2, 2), np.uint8),
     "discrete": spaces.Discrete(4, start=-1),
-    "multi-discrete": spaces.MultiDiscrete([2, 3]),
     "in order": spaces.Dict([("b", spaces.Discrete(2)), ("a", spaces.Box(0, 1, (2,)))]),
     "nested": spaces.Dict(
         {
@@ -247,8 +246,6 @@ def flatten(space, value):
         return [x for each, part in zip(space, value, strict=True) for x in flatten(each, part)]
     if isinstance(space, spaces.Discrete):
         return [float(value == space.start + i) for i in range(space.n)]
-    if isinstance(space, spaces.MultiDiscrete):
-        return [float(value[i] == j) for i, n in enumerate(space.nvec) for j in range(n)]
     return np.ravel(value).tolist()
 
 

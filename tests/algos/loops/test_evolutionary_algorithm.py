@@ -507,6 +507,13 @@ class TestEvaluator:
         assert halved.n_calls == model.generation
         assert model._best.value == plain._best.value / 2.0
 
+    def test_it_is_of_as_many_parameters(self, make_model, make_easy_maze):
+        other = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
+        other.n_parameters += 1
+        for wrong in (other, 3, "fast"):
+            with pytest.raises(ValueError, match="`evaluator` must be"):
+                make_model(CanonicalES, make_easy_maze(), evaluator=wrong)
+
     def test_another_env_needs_another(self, make_model, make_easy_maze, make_maze):
         halved = Halved(make_model(CanonicalES, make_easy_maze()).evaluator)
         model = make_model(CanonicalES, make_easy_maze(), evaluator=halved)

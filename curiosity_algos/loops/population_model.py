@@ -391,7 +391,8 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         model: Self = make_model(cls, settings, env, device, overrides)
         own = {name: getattr(model, name) for name in cls._progress}
         try:
-            check_like(progress := state.pop("progress", None), own, "progress")
+            check_keys(state, [*model._parts(), "progress"])
+            check_like(progress := state.pop("progress"), own, "progress")
             model.set_parameters(state)
             vars(model).update(progress)
         except OF_DAMAGE as error:

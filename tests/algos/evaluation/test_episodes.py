@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from curiosity_algos.evaluation.coverage import EpisodeRecord, Firsts
+from curiosity_algos.evaluation.coverage import BestPolicy, EpisodeRecord, Firsts
+from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_gym.core import CoverageGrid
 
 GRID = CoverageGrid((0,), np.zeros(1), np.full(1, 50.0))
@@ -65,3 +66,19 @@ def test_a_behavior_that_is_not_finite_is_refused(behavior):
     record.add([{"behavior": behavior}], np.array([False]), 1)  # on its way it may be unknown
     with pytest.raises(ValueError, match="`env` must give finite behaviors"):
         record.add([{"behavior": behavior}], np.array([True]), 2)
+
+
+def test_the_best_policy_is_the_first_of_equals_or_the_first_success():
+    best, policies = BestPolicy(1), np.arange(2, dtype=np.float32)[:, None]
+    ends, no_behaviors = np.zeros((2, 1), np.float32), np.zeros((2, 0))
+    for seed, returns, success, expected in [
+        (1, [0.0, 0.0], [False, False], (0.0, 1, 0.0, False)),
+        (2, [0.0, 0.0], [False, True], (0.0, 2, 1.0, True)),
+        (3, [0.0, 0.0], [True, False], (0.0, 2, 1.0, True)),
+        (4, [1.0, 2.0], [True, False], (2.0, 4, 1.0, True)),
+        (5, [2.0, 1.0], [True, True], (2.0, 4, 1.0, True)),
+    ]:
+        one = np.ones(2, dtype=np.int64)
+        arrays = np.array(returns), one, np.array(success), one > 0, no_behaviors, ends
+        best.add(policies, Rollouts(*arrays), seed)
+        assert (best.value, best.seed, best.parameters[0], best.has_reward) == expected

@@ -76,11 +76,7 @@ def _as_numbers(texts: pd.Series) -> pd.Series:
 
 
 def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
-    """The folders of runs in folders and below, in order; each run once.
-
-    Raises:
-        FileNotFoundError: If there is none in one of the folders.
-    """
+    """The folders of runs in folders and below, in order; each run once, and one in each folder."""
     folders = [folders] if isinstance(folders, str | os.PathLike) else list(folders)
     paths: dict[Path, Path] = {}
     for folder in folders:
@@ -135,11 +131,8 @@ def load_progress(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:
     """
     tables = []
     for run in map(Run, find_runs(folders)):
-        table = run.progress.copy()
-        keys = {"run": str(run)} | {name: run.description.get(name) for name in KEYS}
-        for i, (name, value) in enumerate(keys.items()):
-            table.insert(i, name, value)
-        tables.append(table)
+        keys = {name: run.description.get(name) for name in KEYS}
+        tables.append(run.progress.assign(run=str(run), **keys))
     return pd.concat(tables, ignore_index=True)
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.stats import chisquare
 
-from curiosity_algos.experiments.reservoir import Reservoir
+from curiosity_algos.experiments.save_run import Reservoir
 
 
 def policies(n):

@@ -104,6 +104,8 @@ class TestSurvival:
         np.testing.assert_array_equal(found.curve.x, [0, 1, 3, 5, 7, 10])
         np.testing.assert_allclose(found.curve.estimate, [1, 0.8, 0.6, 0.6, 0.3, 0.3])
         assert found.median == 7
+        at_the_end = survival([10, None], 10)  # of its budget, a reward counts
+        assert at_the_end.curve.estimate.tolist() == [1.0, 0.5]
         # At 1, Greenwood's sum is 1 / (5 * 4): S^exp(-+1.96 sqrt(0.05) / ln S)
         spread = 1.959964 * math.sqrt(0.05) / math.log(0.8)
         bounds = [0.8 ** math.exp(-spread), 0.8 ** math.exp(spread)]

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 
 def _pairs(name: str, more: str = "") -> Any:
-    """An option of names and their values."""
     text = f"{name} and its value. Repeat the option for others{more}."
     return Option(metavar="NAME:VALUE", help=text)
 

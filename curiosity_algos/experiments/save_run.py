@@ -257,7 +257,6 @@ class SaveRun(BaseCallback):
                 self._rewarding.add(policy)
 
     def _seconds(self) -> float:
-        """Seconds of training, those before an interruption included."""
         return self._seconds_before + time.monotonic() - self._began
 
     def save(self) -> None:

@@ -225,7 +225,6 @@ def _ended(attempts: Sequence[_Attempt]) -> list[_Attempt]:
 
 
 def _said(error: Exception) -> str:
-    """What an error says and notes, in a line."""
     notes = [f"({note})" for note in getattr(error, "__notes__", [])]
     return " ".join([*str(error).split(), *notes])
 

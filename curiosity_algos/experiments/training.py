@@ -117,7 +117,6 @@ def _measure_starts(model: BaseAlgorithm, run: RunSpec, folder: RunFolder) -> No
 
 
 def _env_of(model: BaseAlgorithm) -> closing[VecEnv]:
-    """Close a model's environments after a block."""
     env = model.get_env()
     assert env is not None
     return closing(env)

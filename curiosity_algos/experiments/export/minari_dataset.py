@@ -51,8 +51,7 @@ def export_minari(
     rewards for the same actions, bit for bit, with the same versions of the libraries. A policy
     that the run stored twice is played once.
 
-    The dataset appears in Minari's folder (`MINARI_DATASETS_PATH`) once it is whole. A killed
-    process leaves a folder there that begins with a dot.
+    The dataset appears in Minari's folder (`MINARI_DATASETS_PATH`) once it is whole.
 
     Args:
         run: Folder of the run, of a population algorithm.
@@ -118,7 +117,6 @@ def _root() -> Path:
 
 
 def _new_path(dataset_id: str) -> Path:
-    """The folder of a new dataset."""
     from minari.dataset.minari_dataset import parse_dataset_id
 
     try:
@@ -141,7 +139,6 @@ def _describe(
     policies: Policies,
     starts: dict[str, int] | None,
 ) -> dict[str, Any]:
-    """Minari's metadata of the run."""
     from minari import __version__ as minari_version
 
     about = {name: described.get(name) for name in DESCRIBED}

@@ -42,7 +42,7 @@ action = Min (floored, high)
 def export_onnx(run: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:
     """Write the best policy of a run, the one that `curiosity enjoy` plays, as an ONNX graph.
 
-    No environment is made. `policy_graph` describes input and output.
+    `policy_graph` describes input and output.
 
     Args:
         run: Folder of the run, of a population algorithm.

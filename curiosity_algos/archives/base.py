@@ -15,7 +15,7 @@ from ribs.archives import ArchiveBase, ArchiveStats, ArrayStore
 
 from curiosity_algos.archives.verify import Verification, behaviors_of, verify
 from curiosity_algos.common.arrays import Array, Int64Array
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.evaluation.evaluator import AnyEnv
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.file import read, save

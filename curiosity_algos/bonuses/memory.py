@@ -11,7 +11,7 @@ import numpy.typing as npt
 import torch as th
 
 from curiosity_algos.common.arrays import Array
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.state.check import check_like
 
 _ENCODING = threading.Lock()

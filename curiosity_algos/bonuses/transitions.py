@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.evaluation.rollouts import Rollouts, check_observations
 from curiosity_algos.state.check import check_like
 

@@ -1,8 +1,7 @@
-"""Random generators whose state checkpoints hold, as plain text."""
+"""Generators of torch and numpy: their seeds, and the states of the global ones."""
 
 from __future__ import annotations
 
-import json
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,19 +18,6 @@ _NOT_OWN = (gym.Env, VecEnv, spaces.Space, ModuleType, FunctionType, MethodType,
 """Objects that a part may refer to, but whose generators are not its own."""
 _LEARNS = threading.RLock()
 _WITHOUT_PARTS = (np.ndarray, th.Tensor, str, bytes, int, float, type(None))
-
-
-def generator_state(generator: np.random.Generator) -> str:
-    """The generator's state as JSON."""
-    return json.dumps(generator.bit_generator.state)
-
-
-def load_generator_state(generator: np.random.Generator, state: str) -> None:
-    """Bring a generator to a state that `generator_state` gave; ValueError if none of its kind."""
-    try:
-        generator.bit_generator.state = json.loads(state)
-    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise ValueError("`rng` must be the state of such a generator.") from error
 
 
 def integer_seed(seed: np.random.SeedSequence) -> int:

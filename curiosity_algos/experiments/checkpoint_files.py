@@ -29,10 +29,9 @@ from stable_baselines3.common.vec_env import (
 )
 
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.common.randomness import (
-    generator_state,
     global_state,
-    load_generator_state,
     load_global_state,
 )
 from curiosity_algos.experiments.run_folder import write_arrays

@@ -14,7 +14,7 @@ from filelock import FileLock
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 
 from curiosity_algos.common.arrays import Array, Int64Array
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.evaluation.rollouts import final_behaviors
 from curiosity_algos.experiments.checkpoint_files import Recordable, check_recordable, write_model
 from curiosity_algos.experiments.description import check_same, describe_run, describe_settings

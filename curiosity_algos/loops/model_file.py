@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.utils import check_for_correct_spaces
 
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.state.file import StateFile, read
 from curiosity_algos.state.tree import encode

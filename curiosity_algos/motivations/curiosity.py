@@ -21,8 +21,8 @@ from curiosity_algos.bonuses.transitions import (
     flat,
 )
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.curiosity.curiosity import Curiosity, OfCuriosity
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, Summary, check_observations
 from curiosity_gym.compiled import ThreadPool

@@ -10,8 +10,8 @@ import numpy as np
 from curiosity_algos.bonuses.base import Bonus, check_needs_no_episodes
 from curiosity_algos.bonuses.transitions import draw_transitions, flat
 from curiosity_algos.common.arrays import Array, Float64Array
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 
 KEPT = "kept"

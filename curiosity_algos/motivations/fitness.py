@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from curiosity_algos.common.arrays import Float64Array
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.state.check import check_like
 from curiosity_gym.validation import check_share
 

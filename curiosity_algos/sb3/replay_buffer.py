@@ -20,8 +20,8 @@ from curiosity_algos.bonuses.encoders import ImageInputs, action_scale
 from curiosity_algos.bonuses.transitions import draw_steps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.common.randomness import generator_state, load_generator_state
 from curiosity_algos.curiosity.curiosity import Curiosity, CuriosityKeywords, OfCuriosity
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.observations import ObservationRows, check_sb3_takes

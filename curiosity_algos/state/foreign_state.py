@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from ribs.archives import ArchiveBase
 
-from curiosity_algos.common.randomness import generator_state, load_generator_state
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.tree import State
 

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from saved_files import through_a_file
 
 from curiosity_algos import CuriosityES
+from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.common.randomness import (
-    generator_state,
     global_state,
-    load_generator_state,
     load_global_state,
     reseed,
 )

@@ -123,6 +123,11 @@ class TestContract:
         with pytest.raises(ResetNeeded):
             env.step(RIGHT)
 
+    def test_success_at_the_last_step_is_terminated(self):
+        env = make_walk(horizon=1)
+        env.reset(options={"x": GOAL - 1})
+        assert env.step(RIGHT)[1:4] == (0.0, True, False)
+
     def test_success_goes_before_the_environments_own_end(self):
         env = SparseRewardWrapper(Walk(), lambda env, o, r, info: info["x"] <= PIT, 10)
         env.reset(options={"x": PIT + 1})

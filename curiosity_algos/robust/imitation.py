@@ -12,7 +12,6 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.utils import obs_as_tensor
 
-from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.robust.demonstrations import Demonstration
 
@@ -72,25 +71,17 @@ class Imitation:
         self.seed = seed
         self.observations, self._actions = _tensors(model, demonstrations)
         self._noise = _noise_of(self.observations)
-        self._steps = np.concatenate([np.arange(len(each)) for each in demonstrations])
-        self._which = np.repeat(np.arange(len(demonstrations)), [len(d) for d in demonstrations])
 
-    def fit(
-        self,
-        n_steps: int,
-        learning_rate: float = LEARNING_RATE,
-        fronts: Int64Array | None = None,
-    ) -> None:
-        """Take gradient steps, on what is ahead of each front; None: on all."""
-        ahead = np.arange(len(self._steps))
-        if fronts is not None:
-            ahead = np.flatnonzero(self._steps <= fronts[self._which])
+    def fit(self, n_steps: int) -> None:
+        """Take gradient steps."""
         policy = self.model.policy
         fitted = [value for name, value in policy.named_parameters() if name != "log_std"]
-        optimizer = th.optim.Adam(fitted, lr=learning_rate)
-        draws = np.random.default_rng([self.seed, self.model.num_timesteps])
+        optimizer = th.optim.Adam(fitted, lr=LEARNING_RATE)
+        draws = np.random.default_rng(self.seed)
         for _ in range(n_steps):
-            chosen = th.as_tensor(draws.choice(ahead, BATCH_SIZE), device=self.model.device)
+            chosen = th.as_tensor(
+                draws.choice(len(self._actions), BATCH_SIZE), device=self.model.device
+            )
             batch = self._noisy(chosen, draws)
             _, log_prob, _ = policy.evaluate_actions(batch, self._actions[chosen])
             optimizer.zero_grad()

@@ -162,7 +162,7 @@ class Training:
 
     def begin(self) -> None:
         """Imitate the demonstrations."""
-        imitation = self._imitation()
+        imitation = Imitation(self.model, self.starts.demonstrations, seed=self._imitation_seed)
         extractor = self.model.policy.features_extractor
         with single_torch_thread():
             if isinstance(extractor, Standardized):
@@ -176,15 +176,10 @@ class Training:
         """Train until the model has taken so many steps, or works."""
         rest = max(0, int(total_timesteps) - self.model.num_timesteps)
         with closing(RecordEpisode(self._make())) as env, single_torch_thread():
-            watch = Watch(
-                self.starts, env, self._imitation(), success=self._success, seed=self._test_seed
-            )
+            watch = Watch(self.starts, env, success=self._success, seed=self._test_seed)
             bars: list[BaseCallback] = [FrontBar(self.starts)] if progress_bar else []
             callbacks = [*_as_list(callback), watch, *bars]
             self.model.learn(rest, callbacks, reset_num_timesteps=False)
-
-    def _imitation(self) -> Imitation:
-        return Imitation(self.model, self.starts.demonstrations, seed=self._imitation_seed)
 
 
 def _as_list(callback: MaybeCallback) -> list[BaseCallback]:

@@ -40,8 +40,7 @@ class DemonstrationStarts(VecEnvWrapper):
         venv: A `GymnasiumVecEnv` of this package's own environments, or a DummyVecEnv of seeded
             ones, each in a `RecordEpisode`.
         demonstrations: At least one, of the same environment.
-        fresh: Share of starts that are the environment's own, and at most so many of the steps; all
-            are once the fronts are at 0.
+        fresh: Share of starts that are the environment's own; all are once the fronts are at 0.
         seed: Of the draws; None: fresh entropy.
 
     Attributes:
@@ -79,7 +78,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self.fresh_results = deque[bool](maxlen=N_RESULTS)
         self._begun = np.full((self.num_envs, 2), FRESH)
         self._totals = np.zeros(self.num_envs)
-        self._steps, self._fresh_steps, self.free_steps, self.idle_steps = 0, 0, 0, 0
+        self.free_steps, self.idle_steps = 0, 0
 
     @property
     def is_free(self) -> bool:
@@ -96,10 +95,8 @@ class DemonstrationStarts(VecEnvWrapper):
         """End a step; where an episode ends another begins, along a demonstration or fresh."""
         observations, rewards, dones, infos = self.venv.step_wait()
         self._totals += rewards
-        self._steps += self.num_envs
         self.idle_steps += self.num_envs
         self.free_steps += self.num_envs * self.is_free
-        self._fresh_steps += int(np.count_nonzero(self._begun[:, 1] == FRESH))
         ended = np.flatnonzero(dones).tolist()
         for i in ended:
             self._note(i, is_success(infos[i], self._totals[i]))
@@ -135,8 +132,7 @@ class DemonstrationStarts(VecEnvWrapper):
         """A demonstration and a step of it, or `FRESH` both."""
         which = int(self._rng.integers(len(self.demonstrations)))
         front = int(self.fronts[which])
-        is_fresh = self._rng.random() < self.fresh and self._fresh_steps <= self.fresh * self._steps
-        if front == 0 or is_fresh:
+        if front == 0 or self._rng.random() < self.fresh:
             return FRESH, FRESH
         if self._rng.random() < BEHIND:
             return which, int(self._rng.integers(front, len(self.demonstrations[which])))
@@ -151,7 +147,7 @@ class DemonstrationStarts(VecEnvWrapper):
             "fresh_results": list(self.fresh_results),
             "begun": self._begun.copy(),
             "totals": self._totals.copy(),
-            "steps": [self._steps, self._fresh_steps, self.free_steps, self.idle_steps],
+            "steps": [self.free_steps, self.idle_steps],
             "rng": self._rng.bit_generator.state,
         }
 
@@ -164,7 +160,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self.fresh_results.clear()
         self.fresh_results.extend(state["fresh_results"])
         self._totals[:] = state["totals"]
-        self._steps, self._fresh_steps, self.free_steps, self.idle_steps = state["steps"]
+        self.free_steps, self.idle_steps = state["steps"]
         self._rng.bit_generator.state = state["rng"]
 
 

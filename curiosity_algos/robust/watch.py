@@ -13,7 +13,7 @@ import torch as th
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.utils import FloatSchedule
 
-from curiosity_algos.robust.imitation import Imitation, Standardized
+from curiosity_algos.robust.imitation import Standardized
 from curiosity_algos.robust.measure import evaluate_starts
 from curiosity_algos.robust.starts import DemonstrationStarts
 
@@ -28,10 +28,6 @@ SETTINGS: dict[str, Any] = {
 SHRINKING = 1_200_000
 """Timesteps in which steps shrink by 1 / e, once all starts are fresh: a constant rate forgets."""
 SMALLEST_CLIP = 0.05
-N_KEPT = 40
-"""Steps of imitation after each rollout, times the share of demonstrations ahead of the fronts."""
-KEPT_RATE = 3e-4
-"""Their learning rate: that of PPO."""
 TEST_INTERVAL, N_TESTED = 250_000, 100
 """Timesteps between two tests of whether the policy works by now, and the starts of one."""
 NEARLY = 0.25
@@ -49,7 +45,6 @@ class Watch(BaseCallback):
     Args:
         starts: Of the episodes.
         env: To test the policy in.
-        imitation: Of what is ahead of the fronts.
         success: Share of starts that is enough.
         seed: Of the starts of the first test.
     """
@@ -58,13 +53,12 @@ class Watch(BaseCallback):
         self,
         starts: DemonstrationStarts,
         env: gym.Env[Any, Any],
-        imitation: Imitation,
         *,
         success: float,
         seed: int,
     ) -> None:
         super().__init__()
-        self.starts, self.env, self.imitation = starts, env, imitation
+        self.starts, self.env = starts, env
         self.success, self.seed = success, seed
         self._is_over = False
 
@@ -72,8 +66,6 @@ class Watch(BaseCallback):
         extractor = self.model.policy.features_extractor
         if isinstance(extractor, Standardized):
             extractor.settle()
-        n_kept = math.ceil(N_KEPT * progress_of(self.starts)["front"])
-        self.imitation.fit(n_kept, KEPT_RATE, self.starts.fronts)
         self._shrink()
         self._is_over = self._is_stuck() or self._works()
 

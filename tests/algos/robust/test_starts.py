@@ -100,14 +100,6 @@ def test_fresh_starts_that_succeed_need_no_demonstration(kind):
     assert starts.is_free
 
 
-def test_fresh_episodes_take_no_more_steps_than_their_share(kind):
-    starts = make(kind, fresh=0.2)
-    play(starts, 200, lambda demonstration, step: -demonstration.actions[0])
-    steps, fresh, *_ = starts.state_dict()["steps"]
-    assert steps == 200 * N
-    assert 0.05 < fresh / steps < 0.5
-
-
 def test_fresh_starts_of_replayed_episodes_differ():
     starts = make(Walks(), fresh=1.0)
     starts.fronts[:] = 0

@@ -14,6 +14,7 @@ from typing import Any
 import pandas as pd
 import typer
 
+from benchmarks.measure import markdown
 from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import evaluate_starts
 from curiosity_algos.experiments.loading import Run
@@ -85,7 +86,7 @@ def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None
 @app.command()
 def collect(runs: Path = RUNS, out: Path = FOLDER) -> None:
     """Add what runs came to, finished or not, to `hold.csv`."""
-    found = sorted(path.parent for path in runs.glob("*/*/robust/run.json"))
+    found = sorted(path.parents[1] for path in runs.glob("*/*/robust/run.json"))
     rows = [_row(folder) for folder in found if Run(folder / "robust").result.get("starts")]
     add_rows(pd.DataFrame(rows), out / "hold.csv", KEYS)
 
@@ -114,6 +115,28 @@ def _solved(task: Task) -> int:
     """Unseen starts that the policy of the package solves."""
     policy = load_pretrained("curiosity_es", task.env)
     return int(evaluate_starts(policy, task.env, N_STARTS).success.sum())
+
+
+def table(values: pd.DataFrame) -> str:
+    """A row for each task: of 100 unseen starts those that are solved, seed by seed."""
+    head = [
+        "Task",
+        "Episode (steps)",
+        "Of 100 starts, the search's best policy",
+        "After `robustify`",
+    ]
+    rows = []
+    for task, runs in values.groupby("task", sort=False):
+        million, minutes = runs["timesteps"] / 1e6, runs["seconds"] / 60
+        texts = [
+            runs["demonstration"].map("{:.0f}".format),
+            runs["search_solved"].map("{:.0f}".format),
+            runs["solved"].map("{:.0f}".format),
+            million.map("{:.2f}".format),
+            minutes.map("{:.0f}".format),
+        ]
+        rows.append([str(task), *(" / ".join(text) for text in texts)])
+    return markdown([*head, "Timesteps (M)", "Minutes"], rows)
 
 
 if __name__ == "__main__":

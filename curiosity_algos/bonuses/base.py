@@ -185,8 +185,9 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
     def _begin(self) -> None:
         """Move the networks to their device, and train those with gradients from here on."""
         self.to(self.device)
-        public = {name for name in vars(self) if name[0] != "_"}
-        self._settled = public - {"optimizer", "pool", "training"}
+        # Of this package's keywords: what a user's subclass has, it may change.
+        own = [cls for cls in type(self).__mro__ if cls.__module__.startswith("curiosity_algos.")]
+        self._settled = {name for cls in own for name in keyword_only(cls)} & vars(self).keys()
         trained = [each for each in self.parameters() if each.requires_grad]
         self.optimizer = th.optim.Adam(trained, lr=self.learning_rate, fused=True)
 

@@ -4,6 +4,8 @@ import inspect
 
 import numpy as np
 import pytest
+import torch as th
+from gymnasium.spaces import Box, Discrete
 from ribs.emitters import GaussianEmitter
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -11,6 +13,7 @@ from curiosity_algos import (
     CMAME,
     NSES,
     NSLC,
+    RND,
     CuriosityES,
 )
 from tests.algos.conftest import SETTINGS
@@ -146,3 +149,20 @@ def test_what_it_may_be_is_said_before_it_is_in_force(
         go_on_with(wrong)
     setattr(model, name, right)
     assert_same_run(model, twin)
+
+
+def test_a_bonus_of_ones_own_counts_as_it_likes():
+    class Counts(RND):
+        def __init__(self, *spaces):
+            super().__init__(*spaces, device="cpu")
+            self.n_seen = 0
+            self._begin()
+
+        def observe(self, observations):
+            self.n_seen += len(observations)
+
+    bonus = Counts(Box(-1, 1, (2,)), Discrete(2))
+    bonus.observe(th.zeros(3, 2))
+    assert bonus.n_seen == 3
+    with pytest.raises(ValueError, match=r"^`learning_rate` must stay as it was set"):
+        bonus.learning_rate = 0.1

@@ -39,7 +39,7 @@ def episode_states(venv: VecEnv) -> State | None:
 
     None if an environment is neither in a `RecordEpisode` nor stepped by a vector environment of
     `curiosity_gym`, or has no open episode; or if a wrapper is neither a VecMonitor, nor a
-    VecTransposeImage, nor has a `state_dict`: others may remember what only they know.
+    VecTransposeImage, nor one of this package with a state: others remember what only they know.
     """
     inner, wrappers = _within(venv)
     episodes = _episodes(inner)
@@ -77,12 +77,18 @@ def _within(venv: VecEnv) -> tuple[VecEnv, list[Any]]:
     """What wrappers are around whose states are known, and those that have a state."""
     wrappers: list[Any] = []
     while isinstance(venv, VecEnvWrapper):
-        if isinstance(venv, VecMonitor) or hasattr(type(venv), "state_dict"):
+        if isinstance(venv, VecMonitor) or _is_own(type(venv)):
             wrappers.append(venv)
         elif not isinstance(venv, VecTransposeImage):
             break
         venv = venv.venv
     return venv, wrappers
+
+
+def _is_own(cls: type[VecEnvWrapper]) -> bool:
+    """Whether a wrapper has a state of this package's: what a user's own means nobody knows."""
+    own = [each for each in cls.__mro__ if each.__module__.startswith("curiosity_algos.")]
+    return any("state_dict" in vars(each) for each in own)
 
 
 def _state_of(wrapper: Any) -> State:

@@ -87,14 +87,25 @@ def test_environments_are_recorded_from_their_next_resets_on():
     assert not isinstance(venv.envs[0].env, RecordEpisode)
 
 
+class Own(VecFrameStack):
+    """A user's wrapper, whose state is none that a file of this package could hold."""
+
+    def __init__(self, venv):
+        super().__init__(venv, n_stack=2)
+
+    def state_dict(self):
+        return {"thing": object()}
+
+
 @pytest.mark.parametrize(
     "make",
     [
+        lambda: Own(make_recorded()),
         lambda: make_vec_env("Pendulum-v1"),
         lambda: VecFrameStack(make_recorded(), 2),
         lambda: DummyVecEnv([lambda: RecordEpisode(gym.make(MAZE)), lambda: gym.make(MAZE)]),
     ],
-    ids=["not recorded", "a stack of observations", "recorded by half"],
+    ids=["of a user", "not recorded", "a stack of observations", "recorded by half"],
 )
 def test_there_is_no_state_rather_than_half_of_it(make):
     venv = make()

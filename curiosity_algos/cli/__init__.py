@@ -91,5 +91,7 @@ def main(app: typer.Typer = app) -> None:
         print(f"Error: {' '.join(message.split())}", file=sys.stderr)
         sys.exit(getattr(error, "exit_code", 1))
     if status == INTERRUPTED:  # typer's status, too
-        print("Interrupted: runs go on when the same command is given again.", file=sys.stderr)
+        print(
+            "Interrupted: a training goes on when the same command is given again.", file=sys.stderr
+        )
     sys.exit(status if isinstance(status, int) else 0)

@@ -11,6 +11,7 @@ from gymnasium import spaces
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.utils import obs_as_tensor
+from stable_baselines3.common.vec_env import VecTransposeImage
 
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.robust.demonstrations import Demonstration
@@ -114,9 +115,15 @@ def _tensors(
         if isinstance(seen[0], dict)
         else np.concatenate(seen)
     )
+    env = model.get_env()
+    if isinstance(env, VecTransposeImage):  # the policy sees images with the channels first
+        joined = env.transpose_observations(joined)
     actions = np.concatenate([each.actions for each in demonstrations])
     space = model.action_space
     if isinstance(space, spaces.Box):
         middle = (space.high + space.low) / 2
         actions = middle + WITHIN * (np.clip(actions, space.low, space.high) - middle)
+        actions = actions.reshape(len(actions), -1)
+    elif isinstance(space, spaces.MultiBinary):
+        actions = actions.astype(np.float32)
     return obs_as_tensor(joined, model.device), th.as_tensor(actions, device=model.device)

@@ -106,11 +106,14 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
         ValueError: If there is none, or the source is of another kind.
     """
     recorded = env if isinstance(env, RecordEpisode) else RecordEpisode(env)
-    found = [episode for episode in _episodes(source, recorded) if episode.success]
+    played = list(_episodes(source, recorded))
+    found = [episode for episode in played if episode.success]
     if not found:
         raise ValueError(
-            "`model` must have found an episode that succeeds: `learn` for longer, until "
-            "`best_return` is above 0."
+            f"`model` must have found an episode that succeeds: {len(played)} were played again, "
+            "and none did. `learn` for longer. An environment that draws from elsewhere than its "
+            "`np_random` plays no episode again, and a bonus remembers none but those of single "
+            "environments in a DummyVecEnv."
         )
     return found
 

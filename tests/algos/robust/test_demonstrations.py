@@ -98,3 +98,5 @@ def test_mistakes_are_one_sentence():
         demonstrations_of(PPO("MlpPolicy", Walk(), device="cpu"), Walk())
     with pytest.raises(ValueError, match="`model` must have found an episode"):
         demonstrations_of([], Walk())
+    with pytest.raises(ValueError, match="1 were played again, and none did"):
+        demonstrations_of([{"start": 0, "actions": np.zeros((3, 1), np.float32)}], Walk())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,13 +15,13 @@ from gymnasium import spaces
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, ConvertCallback
 from stable_baselines3.common.type_aliases import MaybeCallback
-from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import FactoryVecEnv
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
 from curiosity_algos.robust.imitation import N_STEPS, Imitation, Standardized
-from curiosity_algos.robust.starts import DemonstrationStarts
+from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
 from curiosity_algos.robust.watch import SETTINGS, FrontBar, Watch
 from curiosity_algos.sb3.gymnasium_vec_env import open_batch
 from curiosity_gym import RecordEpisode
@@ -90,8 +90,11 @@ def robustify(
         tensorboard_log=tensorboard_log,
         verbose=verbose,
     )
-    training.begin()
-    training.learn(total_timesteps, callback, progress_bar=progress_bar)
+    with ExitStack() as stack:
+        stack.callback(training.env.close)
+        training.begin()
+        training.learn(total_timesteps, callback, progress_bar=progress_bar)
+        stack.pop_all()  # the model steps them further
     return training.model
 
 
@@ -109,13 +112,14 @@ def maker_of(model: Any, env: str | MakeEnv | None) -> MakeEnv:
     """A function that makes the environment of a model, or the one that is given."""
     if isinstance(env, str):
         return partial(gym.make, env)
-    if env is not None:
+    if callable(env):
         return env
-    own: VecEnv | None = getattr(model, "env", None)
+    source = model if env is None else None
+    own: VecEnv | None = getattr(source, "env", None)
     if isinstance(own, FactoryVecEnv):
         make: MakeEnv = own.make
         return make
-    spec = getattr(model, "env_spec", None) if own is None else own.get_attr("spec")[0]
+    spec = getattr(source, "env_spec", None) if own is None else own.get_attr("spec")[0]
     if spec is None:
         raise ValueError("`env` must be an id, or a function that makes the environment.")
     wrappers = tuple(wrapper for wrapper in spec.additional_wrappers if wrapper.name != "Monitor")
@@ -139,7 +143,7 @@ class Training:
 
     Attributes:
         model: The PPO; replace it by one that was saved to continue.
-        starts: The environments, in `env` with a VecMonitor.
+        starts: The environments, in `env` with a `FreshMonitor`.
     """
 
     def __init__(
@@ -154,10 +158,12 @@ class Training:
         self._make, self._success = make, success
         seeds = np.random.SeedSequence(seed).generate_state(4) >> 1
         ppo_seed, starts_seed, self._imitation_seed, self._test_seed = (int(s) for s in seeds)
-        self.starts = DemonstrationStarts(
-            open_batch(make, N_ENVS), demonstrations, seed=starts_seed
-        )
-        self.env = VecMonitor(self.starts)
+        with ExitStack() as stack:
+            venv = open_batch(make, N_ENVS)
+            stack.callback(venv.close)
+            self.starts = DemonstrationStarts(venv, demonstrations, seed=starts_seed)
+            stack.pop_all()
+        self.env = FreshMonitor(self.starts)
         self.model = _make_ppo(self.env, _gamma(demonstrations), seed=ppo_seed, **learner)
 
     def begin(self) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.common.arrays import Array
@@ -25,6 +25,8 @@ BEHIND = 0.3
 """Share of starts along a demonstration that are anywhere between the front and its end."""
 FRESH = -1
 """The step of a start that is along no demonstration."""
+IS_FRESH = "is_fresh"
+"""Of the last info of an episode, whether it began where the environment's own do."""
 
 
 class DemonstrationStarts(VecEnvWrapper):
@@ -49,6 +51,8 @@ class DemonstrationStarts(VecEnvWrapper):
         fresh_results: Whether the last 60 episodes from fresh starts did.
         free_steps: Steps since all fronts have been at 0.
         idle_steps: Steps since a front last moved.
+
+    The last info of an episode says `is_fresh`.
 
     Raises:
         ValueError: If there is no demonstration, or one does not come to the same here.
@@ -100,6 +104,7 @@ class DemonstrationStarts(VecEnvWrapper):
         ended = np.flatnonzero(dones).tolist()
         for i in ended:
             self._note(i, is_success(infos[i], self._totals[i]))
+            infos[i][IS_FRESH] = bool(self._begun[i, 1] == FRESH)
         self._move()
         self._begin(ended, observations)
         return observations, rewards, dones, infos
@@ -162,6 +167,19 @@ class DemonstrationStarts(VecEnvWrapper):
         self._totals[:] = state["totals"]
         self.free_steps, self.idle_steps = state["steps"]
         self._rng.bit_generator.state = state["rng"]
+
+
+class FreshMonitor(VecMonitor):
+    """Records the fresh episodes of `DemonstrationStarts`: of others the beginning is missing."""
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """End a step; infos name returns and successes of fresh episodes alone."""
+        observations, rewards, dones, infos = super().step_wait()
+        for info in infos:
+            if not info.get(IS_FRESH, True):
+                info.pop("episode", None)
+                info.pop("is_success", None)
+        return observations, rewards, dones, infos
 
 
 def _write(observations: Any, i: int, observation: Any) -> None:

@@ -1,6 +1,7 @@
 """From found episodes to a policy that works from any start."""
 
 import io
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -68,6 +69,32 @@ def test_callbacks_are_called(short, demonstration):
     assert steps[-1] == 256 * 4
 
 
+def test_environments_are_closed_where_the_training_fails(short, demonstration, monkeypatch):
+    closed = []
+    monkeypatch.setattr(Walk, "close", lambda self: closed.append(self))
+    for each in (demonstration, replace(demonstration, total=5.0)):
+        closed.clear()
+        with pytest.raises((ZeroDivisionError, ValueError)):
+            robustify([each], Walk, total_timesteps=1, callback=lambda *_: 1 // 0)
+        assert len({*map(id, closed)}) >= 4
+
+
+def test_returns_and_successes_are_of_fresh_episodes_alone(short, demonstration):
+    infos = []
+    robustify(
+        [demonstration],
+        Walk,
+        total_timesteps=1,
+        seed=0,
+        device="cpu",
+        callback=lambda values, _: infos.extend(values["infos"]) or True,
+    )
+    ended = [info for info in infos if "is_fresh" in info]
+    assert 0 < sum(info["is_fresh"] for info in ended) < len(ended)
+    for info in ended:
+        assert info["is_fresh"] == ("episode" in info) == ("is_success" in info)
+
+
 def test_a_search_demonstrates_by_its_best_policy_and_by_elites(make_easy_maze):
     model = CuriosityES(make_easy_maze(), population_size=6, seed=0).learn(3_000)
     (best, *others) = demonstrations_of(model, make_easy_maze())
@@ -80,7 +107,8 @@ def test_mistakes_are_one_sentence(make_easy_maze, demonstration):
     model = CuriosityES(gym.make("CuriosityMaze-Hard-v0"), population_size=4, seed=0).learn(1)
     with pytest.raises(ValueError, match="`model` must have found an episode that succeeds"):
         robustify(model)
-    with pytest.raises(ValueError, match="`env` must be an id"):
-        robustify([demonstration])
+    for env in (None, Walk()):
+        with pytest.raises(ValueError, match="`env` must be an id"):
+            robustify([demonstration], env)
     with pytest.raises(ValueError, match="`success`"):
         robustify([demonstration], Walk, success=1.5)

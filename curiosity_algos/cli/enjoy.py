@@ -41,7 +41,10 @@ def enjoy(
         Option(help="Seed of the episode. Without it, that of the policy's best, or 0."),
     ] = None,
     starts: Annotated[
-        int, Option(help="Episodes of the film, side by side, whose seeds count up.")
+        int,
+        Option(
+            help="Episodes, whose seeds count up: side by side in a film, and their mean return."
+        ),
     ] = 1,
     trust: Trust = False,
 ) -> None:
@@ -60,7 +63,7 @@ def enjoy(
         find_own_modules()
     source = Path(run) if pretrained is None else (pretrained, run)
     if no_render:
-        echo(f"Return {film.play(source, seed=seed, trust=trust):.3f}")
+        echo(f"Return {film.play(source, seed=seed, n_starts=starts, trust=trust):.3f}")
     elif out is None and has_screen() and starts == 1:
         echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
     else:

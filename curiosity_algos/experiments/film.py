@@ -123,14 +123,16 @@ def play(
     source: Source,
     *,
     seed: int | None = None,
+    n_starts: int = 1,
     trust: bool = False,
     env: AnyEnv = None,
     **rendering: Any,
 ) -> float:
-    """Play one episode, and return its return. Arguments are those of `film`."""
+    """Play episodes, and return their mean return. Arguments are those of `film`."""
     with _open(source, trust, env, **rendering) as (policy, played, best_seed):
-        total = sum(_rewards(policy, played, best_seed if seed is None else seed))
-    return round(total, N_DIGITS)
+        first = best_seed if seed is None else seed
+        total = sum(sum(_rewards(policy, played, first + i)) for i in range(n_starts))
+    return round(total / n_starts, N_DIGITS)
 
 
 def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[float]:

@@ -31,6 +31,7 @@ from curiosity_algos.robust.demonstrations import (
 from curiosity_algos.robust.measure import Starts, evaluate_starts
 from curiosity_algos.robust.robustify import MakeEnv, Training
 from curiosity_algos.sb3.bonus_wrapper import found_episodes
+from curiosity_gym.validation import check_positive, check_seed, check_share
 
 
 def robustify_run(
@@ -64,13 +65,18 @@ def robustify_run(
 
     Raises:
         FileNotFoundError: If there is no run.
-        ValueError: If it has found no episode that succeeds, or `folder` holds another run.
+        ValueError: If it has found no episode that succeeds, `folder` holds another run, or an
+            argument is out of its range.
     """
+    check_positive(timesteps=timesteps, success=success)
+    check_share(success=success)
+    check_seed(seed)
+    save = SaveRun(folder, interval=interval)
     make = _maker(source, trust)
     demonstrations = _demonstrations(source, folder, make)
     training = Training(make, demonstrations, success=success, seed=seed, device=device)
     checkpoint = RunFolder(folder).checkpoint
-    with closing(training.env), closing(SaveRun(folder, interval=interval)) as save:
+    with closing(training.env), closing(save):
         if checkpoint is None:
             training.begin()
         else:
@@ -105,6 +111,8 @@ def _demonstrations(source: Source, folder: Path, make: MakeEnv) -> list[Demonst
     """Those in the folder, or else of the source."""
     path = RunFolder(folder).demonstrations
     if not path.exists():
+        if not RunFolder(folder).is_empty():
+            raise ValueError(f"`folder` must be empty or that of this run, {folder} is not.")
         with closing(make()) as env:
             found = _find(source, env)
         folder.mkdir(parents=True, exist_ok=True)

@@ -17,6 +17,7 @@ import typer
 from benchmarks.measure import markdown
 from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import evaluate_starts
+from curiosity_algos.experiments import film
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained
 from curiosity_algos.experiments.robust_run import robustify_run
@@ -95,7 +96,12 @@ def _row(folder: Path) -> dict[str, Any]:
     robust, task = Run(folder / "robust"), TASKS[folder.parent.name]
     is_pretrained = task.search_timesteps is None
     search = {} if is_pretrained else Run(folder / "search").result
-    solved = _solved(task) if is_pretrained else search.get("starts", {}).get("success")
+    if is_pretrained:
+        solved = _solved(task)
+    elif "starts" in search:
+        solved = search["starts"]["success"]
+    else:  # all start alike
+        solved = int(film.play(folder / "search") > 0.0)
     demonstrations = load_demonstrations(robust.folder.demonstrations)
     return {
         "task": folder.parent.name,
@@ -117,26 +123,24 @@ def _solved(task: Task) -> int:
     return int(evaluate_starts(policy, task.env, N_STARTS).success.sum())
 
 
+FORMATS = {
+    "Episode (steps)": ("demonstration", "{:.0f}"),
+    "The search's best policy": ("search_solved", "{:.0f}"),
+    "After `robustify`": ("solved", "{:.0f}"),
+    "Timesteps (M)": ("timesteps", "{:.2f}"),
+    "Minutes": ("seconds", "{:.1f}"),
+}
+"""Columns of the table: their data, in millions or minutes, and how they are written."""
+
+
 def table(values: pd.DataFrame) -> str:
-    """A row for each task: of 100 unseen starts those that are solved, seed by seed."""
-    head = [
-        "Task",
-        "Episode (steps)",
-        "Of 100 starts, the search's best policy",
-        "After `robustify`",
-    ]
+    """A row for each task: of unseen starts those that are solved, seed by seed."""
+    values = values.assign(timesteps=values["timesteps"] / 1e6, seconds=values["seconds"] / 60)
     rows = []
-    for task, runs in values.groupby("task", sort=False):
-        million, minutes = runs["timesteps"] / 1e6, runs["seconds"] / 60
-        texts = [
-            runs["demonstration"].map("{:.0f}".format),
-            runs["search_solved"].map("{:.0f}".format),
-            runs["solved"].map("{:.0f}".format),
-            million.map("{:.2f}".format),
-            minutes.map("{:.0f}".format),
-        ]
-        rows.append([str(task), *(" / ".join(text) for text in texts)])
-    return markdown([*head, "Timesteps (M)", "Minutes"], rows)
+    for (task, n_starts), runs in values.groupby(["task", "starts"], sort=False):
+        cells = [" / ".join(runs[name].map(form.format)) for name, form in FORMATS.values()]
+        rows.append([f"{task}, of {n_starts}", *cells])
+    return markdown(["Task, of so many starts", *FORMATS], rows)
 
 
 if __name__ == "__main__":

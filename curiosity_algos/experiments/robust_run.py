@@ -28,10 +28,13 @@ from curiosity_algos.robust.demonstrations import (
     load_demonstrations,
     save_demonstrations,
 )
-from curiosity_algos.robust.measure import Starts, evaluate_starts
+from curiosity_algos.robust.measure import Starts, evaluate_starts, n_different
 from curiosity_algos.robust.robustify import MakeEnv, Training
 from curiosity_algos.sb3.bonus_wrapper import found_episodes
 from curiosity_gym.validation import check_positive, check_seed, check_share
+
+N_STARTS = 100
+"""Unseen starts that the policy is tested from at its end."""
 
 
 def robustify_run(
@@ -61,7 +64,7 @@ def robustify_run(
         progress_bar: As in `robustify`.
 
     Returns:
-        The success of the policy from a hundred unseen starts.
+        The success of the policy from a hundred unseen starts, or from the one where all are alike.
 
     Raises:
         FileNotFoundError: If there is no run.
@@ -86,7 +89,7 @@ def robustify_run(
         if not _is_over(folder, timesteps, success):
             training.learn(timesteps, save, progress_bar=progress_bar)
     with closing(make()) as env:
-        starts = evaluate_starts(training.model, env)
+        starts = evaluate_starts(training.model, env, n_different(env, N_STARTS))
     noted = {"n": len(starts.success), "success": int(starts.success.sum())}
     RunFolder(folder).note(starts=noted)
     return starts

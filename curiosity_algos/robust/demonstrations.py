@@ -51,7 +51,7 @@ class Demonstration:
 def demonstrate(policy: Any, env: gym.Env[Any, Any], seed: int) -> Demonstration:
     """Play an episode by the best actions of anything that has `predict`."""
     observation, info = env.reset(seed=seed)
-    return _play(env, seed, observation, info, _actor(policy))
+    return _play(env, seed, observation, info, actor(policy))
 
 
 def follow(env: RecordEpisode, start: Start, actions: Array) -> Demonstration:
@@ -60,8 +60,17 @@ def follow(env: RecordEpisode, start: Start, actions: Array) -> Demonstration:
     return _play(env, start, *env.begin(start), lambda _: next(steps, None))
 
 
-def _actor(policy: Any) -> Callable[[Any], Any]:
-    return lambda observation: policy.predict(observation, deterministic=True)[0]
+def actor(policy: Any, n: int = 1) -> Callable[[Any], Any]:
+    """The best actions of a policy in n episodes from their beginnings on, whose state it keeps."""
+    memory: dict[str, Any] = {}
+
+    def act(observations: Any) -> Any:
+        actions, state = policy.predict(observations, deterministic=True, **memory)
+        if state is not None:
+            memory.update(state=state, episode_start=np.zeros(n, dtype=np.bool_))
+        return actions
+
+    return act
 
 
 def _play(

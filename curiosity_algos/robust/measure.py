@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 
 from curiosity_algos.common.arrays import Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.robust.demonstrations import demonstrate
+from curiosity_algos.robust.demonstrations import actor, demonstrate
 from curiosity_algos.sb3.gymnasium_vec_env import native_batch
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_at_least_one, check_seed
@@ -68,6 +68,11 @@ def draws_starts(env: gym.Env[Any, Any]) -> bool:
     return not data_equivalence(one, other)
 
 
+def n_different(env: gym.Env[Any, Any], n: int) -> int:
+    """How many of n starts to play: one if all are the same."""
+    return n if draws_starts(env) else 1
+
+
 def evaluate_starts(
     model: Any, env: gym.Env[Any, Any] | str, n: int = 100, *, seed: int = UNSEEN
 ) -> Starts:
@@ -89,9 +94,9 @@ def evaluate_starts(
     with closed, single_torch_thread():  # small networks are slower on several
         if (envs := native_batch(opened.spec, n, AutoresetMode.NEXT_STEP)) is not None:
             return _play_batch(model, envs, seed)
-        played = [demonstrate(model, opened, seed + i) for i in range(n)]
-    success = np.array([episode.success for episode in played])
-    return Starts(success, np.array([episode.total for episode in played]))
+        played = (demonstrate(model, opened, seed + i) for i in range(n))
+        success, totals = zip(*((each.success, each.total) for each in played), strict=True)
+    return Starts(np.array(success), np.array(totals))
 
 
 def _play_batch(model: Any, envs: EpisodicVectorEnv, seed: int) -> Starts:
@@ -99,9 +104,9 @@ def _play_batch(model: Any, envs: EpisodicVectorEnv, seed: int) -> Starts:
     is_open = np.ones(envs.num_envs, dtype=np.bool_)
     returns, success = np.zeros(envs.num_envs), ~is_open
     observations, _ = envs.reset(seed=seed)
+    act = actor(model, envs.num_envs)
     while is_open.any():
-        actions, _ = model.predict(observations, deterministic=True)
-        observations, rewards, terminated, truncated, infos = envs.step(actions)
+        observations, rewards, terminated, truncated, infos = envs.step(act(observations))
         returns += rewards * is_open
         success |= is_open & infos["is_success"]
         is_open &= ~(terminated | truncated)

@@ -14,7 +14,7 @@ from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.utils import FloatSchedule
 
 from curiosity_algos.robust.imitation import Standardized
-from curiosity_algos.robust.measure import evaluate_starts
+from curiosity_algos.robust.measure import evaluate_starts, n_different
 from curiosity_algos.robust.starts import DemonstrationStarts
 
 SETTINGS: dict[str, Any] = {
@@ -60,6 +60,7 @@ class Watch(BaseCallback):
         super().__init__()
         self.starts, self.env = starts, env
         self.success, self.seed = success, seed
+        self.n = n_different(env, N_TESTED)
         self._is_over = False
 
     def _on_rollout_start(self) -> None:
@@ -97,7 +98,7 @@ class Watch(BaseCallback):
         if not is_time or share_of(self.starts.fresh_results) < self.success - NEARLY:
             return False
         seed = self.seed + n_tests * N_TESTED
-        tested = evaluate_starts(self.model, self.env, N_TESTED, seed=seed)
+        tested = evaluate_starts(self.model, self.env, self.n, seed=seed)
         self.logger.record("robust/tested", tested.share)
         return tested.share >= self.success
 

@@ -54,6 +54,6 @@ def test_a_policy_acts_as_the_demonstration(observation_space, action_space):
     shown = demonstrate(env, env, seed=0)
     kwargs = {"n_steps": 8, "batch_size": 8, "seed": 0, "device": "cpu"}
     model = PPO("MlpPolicy", env, **kwargs)
-    Imitation(model, [shown], seed=0).fit(60, learning_rate=3e-3)
+    Imitation(model, [shown], seed=0).fit(300)
     actions, _ = model.predict(shown.observations, deterministic=True)
     np.testing.assert_array_equal(actions > 0, shown.actions > 0)

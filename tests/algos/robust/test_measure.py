@@ -53,3 +53,17 @@ def test_a_batch_counts_as_single_environments_do():
     assert 0 < batch.share < 1
     np.testing.assert_array_equal(batch.success, one_by_one.success)
     np.testing.assert_allclose(batch.returns, one_by_one.returns)
+
+
+class Counting:
+    """Walks to the goal once it remembers ten steps of the episode."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        steps = np.zeros(len(np.atleast_2d(observation))) if state is None else state[0]
+        if episode_start is not None:
+            steps = np.where(episode_start, 0.0, steps)
+        return (steps >= 10).astype(np.float32), (steps + 1,)
+
+
+def test_a_policy_remembers_its_episode():
+    assert evaluate_starts(Counting(), Walk(), 5).success.all()

@@ -49,8 +49,8 @@ def robustify(
 
     The second phase of Go-Explore (Ecoffet et al. 2021): PPO begins by imitating the episodes.
     Its own begin near their ends first, see `DemonstrationStarts`, and further back as they
-    succeed. Once all starts are those of the environment its steps shrink, until it succeeds as
-    often as was asked for.
+    succeed. Once all starts are those of the environment, and half of the episodes succeed, its
+    steps shrink, until it succeeds as often as was asked for.
 
     `curiosity robustify` keeps the training in a folder, and continues it there.
 

@@ -50,6 +50,7 @@ class DemonstrationStarts(VecEnvWrapper):
         near: Whether the last episodes from near the front succeeded, of each demonstration.
         fresh_results: Whether the last 60 episodes from fresh starts did.
         free_steps: Steps since all fronts have been at 0.
+        good_steps: Those of them while half of the last fresh episodes had succeeded.
         idle_steps: Steps since a front last moved.
 
     The last info of an episode says `is_fresh`.
@@ -82,7 +83,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self.fresh_results = deque[bool](maxlen=N_RESULTS)
         self._begun = np.full((self.num_envs, 2), FRESH)
         self._totals = np.zeros(self.num_envs)
-        self.free_steps, self.idle_steps = 0, 0
+        self.free_steps, self.good_steps, self.idle_steps = 0, 0, 0
 
     @property
     def is_free(self) -> bool:
@@ -100,7 +101,9 @@ class DemonstrationStarts(VecEnvWrapper):
         observations, rewards, dones, infos = self.venv.step_wait()
         self._totals += rewards
         self.idle_steps += self.num_envs
-        self.free_steps += self.num_envs * self.is_free
+        if self.is_free:
+            self.free_steps += self.num_envs
+            self.good_steps += self.num_envs * (2 * sum(self.fresh_results) >= N_RESULTS)
         ended = np.flatnonzero(dones).tolist()
         for i in ended:
             self._note(i, is_success(infos[i], self._totals[i]))
@@ -152,7 +155,7 @@ class DemonstrationStarts(VecEnvWrapper):
             "fresh_results": list(self.fresh_results),
             "begun": self._begun.copy(),
             "totals": self._totals.copy(),
-            "steps": [self.free_steps, self.idle_steps],
+            "steps": [self.free_steps, self.good_steps, self.idle_steps],
             "rng": self._rng.bit_generator.state,
         }
 
@@ -165,7 +168,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self.fresh_results.clear()
         self.fresh_results.extend(state["fresh_results"])
         self._totals[:] = state["totals"]
-        self.free_steps, self.idle_steps = state["steps"]
+        self.free_steps, self.good_steps, self.idle_steps = state["steps"]
         self._rng.bit_generator.state = state["rng"]
 
 

@@ -26,7 +26,8 @@ SETTINGS: dict[str, Any] = {
 }
 """Of PPO."""
 SHRINKING = 1_200_000
-"""Timesteps in which steps shrink by 1 / e, once all starts are fresh: a constant rate forgets."""
+"""Timesteps in which steps shrink by 1 / e, once half of fresh episodes succeed: a constant rate
+forgets, and one that shrinks before learns no more."""
 SMALLEST_CLIP = 0.05
 TEST_INTERVAL, N_TESTED = 250_000, 100
 """Timesteps between two tests of whether the policy works by now, and the starts of one."""
@@ -71,7 +72,7 @@ class Watch(BaseCallback):
         self._is_over = self._is_stuck() or self._works()
 
     def _shrink(self) -> None:
-        share = math.exp(-self.starts.free_steps / SHRINKING)
+        share = math.exp(-self.starts.good_steps / SHRINKING)
         clip = SMALLEST_CLIP + (SETTINGS["clip_range"] - SMALLEST_CLIP) * share
         learner: Any = self.model
         learner.lr_schedule = FloatSchedule(SETTINGS["learning_rate"] * share)

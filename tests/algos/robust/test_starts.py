@@ -82,7 +82,10 @@ def test_the_front_moves_back_as_episodes_succeed_and_then_all_starts_are_fresh(
     assert (starts._begun == FRESH).all()
     assert starts.is_free
     play(starts, 1, lambda demonstration, step: demonstration.actions[0])
-    assert starts.free_steps == N
+    assert (starts.free_steps, starts.good_steps) == (N, 0)
+    starts.fresh_results.extend([True] * 30)
+    play(starts, 1, lambda demonstration, step: demonstration.actions[0])
+    assert (starts.free_steps, starts.good_steps) == (2 * N, N)
 
 
 def test_it_stays_where_episodes_fail():

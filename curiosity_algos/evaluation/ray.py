@@ -152,19 +152,17 @@ class RayEvaluator(Evaluator):
         parts: dict[int, Rollouts] = {}
         at_once, waiting = self.n_workers or len(shards), deque(shards)
         running: dict[Any, slice] = {}
-        try:
-            while waiting or running:
-                while waiting and len(running) < at_once:
-                    shard = waiting.popleft()
-                    running[task.remote(generation, shard)] = shard
-                ended, _ = ray.wait(list(running), timeout=self.timeout)
-                if not ended:
-                    raise RuntimeError(_LATE.format(self.timeout))
-                worker, parts[running.pop(ended[0]).start] = _result(ended[0])
-                workers.add(worker)
-        finally:
-            for unfinished in running:  # after an error, or Ctrl-C
-                ray.cancel(unfinished)
+        while waiting or running:
+            while waiting and len(running) < at_once:
+                shard = waiting.popleft()
+                running[task.remote(generation, shard)] = shard
+            ended, _ = ray.wait(list(running), timeout=self.timeout)
+            if not ended:
+                for late in running:  # not after other errors: Ray may crash where a task just ends
+                    ray.cancel(late)
+                raise RuntimeError(_LATE.format(self.timeout))
+            worker, parts[running.pop(ended[0]).start] = _result(ended[0])
+            workers.add(worker)
         self.n_live = len(workers)
         return concatenate([parts[begin] for begin in sorted(parts)])
 

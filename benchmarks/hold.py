@@ -22,7 +22,7 @@ from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained
 from curiosity_algos.experiments.robust_run import robustify_run
 from curiosity_algos.experiments.run_spec import RunSpec
-from curiosity_algos.experiments.training import N_STARTS, train
+from curiosity_algos.experiments.training import train
 from curiosity_algos.robust.demonstrations import load_demonstrations
 
 app = typer.Typer(pretty_exceptions_enable=False)
@@ -120,7 +120,7 @@ def _row(folder: Path) -> dict[str, Any]:
 def _solved(task: Task) -> int:
     """Unseen starts that the policy of the package solves."""
     policy = load_pretrained("curiosity_es", task.env)
-    return int(evaluate_starts(policy, task.env, N_STARTS).success.sum())
+    return int(evaluate_starts(policy, task.env).success.sum())
 
 
 FORMATS = {

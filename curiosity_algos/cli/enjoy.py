@@ -10,7 +10,7 @@ from typing import Annotated
 
 from typer import Argument, Option, echo
 
-from curiosity_algos.cli.options import Trust, find_own_modules
+from curiosity_algos.cli.options import Pretrained, Trust, find_own_modules
 from curiosity_gym.validation import check_at_least_one
 
 
@@ -18,13 +18,7 @@ def enjoy(
     run: Annotated[
         str, Argument(help="Folder of a run, or with --pretrained the id of an environment.")
     ],
-    pretrained: Annotated[
-        str | None,
-        Option(
-            help="Algorithm whose best policy the package has, for the run's.",
-            metavar="ALGO",
-        ),
-    ] = None,
+    pretrained: Pretrained = None,
     out: Annotated[
         Path | None,
         Option(

@@ -1,4 +1,4 @@
-"""What commands share: one option, and the parsing of values."""
+"""What commands share: two options, and the parsing of values."""
 
 from __future__ import annotations
 
@@ -15,6 +15,13 @@ if TYPE_CHECKING:
 
 Trust = Annotated[
     bool, typer.Option("--trust", help="Also run code that the run's folder names or contains.")
+]
+
+Pretrained = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ALGO", help="Algorithm whose best policy the package has, for the run's."
+    ),
 ]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Option, echo
 
-from curiosity_algos.cli.options import Trust, find_own_modules
+from curiosity_algos.cli.options import Pretrained, Trust, find_own_modules
 
 
 def robustify(
@@ -19,13 +19,7 @@ def robustify(
             "environment."
         ),
     ],
-    pretrained: Annotated[
-        str | None,
-        Option(
-            help="Algorithm whose best policy the package has, for the run's.",
-            metavar="ALGO",
-        ),
-    ] = None,
+    pretrained: Pretrained = None,
     out: Annotated[
         Path | None,
         Option(

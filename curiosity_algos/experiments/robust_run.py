@@ -12,6 +12,7 @@ import pandas as pd
 from stable_baselines3 import PPO
 
 from curiosity_algos.common.names import find_algorithm
+from curiosity_algos.evaluation.environments import MakeEnv
 from curiosity_algos.experiments.baselines import load_baseline
 from curiosity_algos.experiments.description import check_same, describe_run
 from curiosity_algos.experiments.env_spec import make_env
@@ -29,12 +30,9 @@ from curiosity_algos.robust.demonstrations import (
     save_demonstrations,
 )
 from curiosity_algos.robust.measure import Starts, evaluate_starts, n_different
-from curiosity_algos.robust.robustify import MakeEnv, Training
+from curiosity_algos.robust.robustify import Training
 from curiosity_algos.sb3.bonus_wrapper import found_episodes
 from curiosity_gym.validation import check_positive, check_seed, check_share
-
-N_STARTS = 100
-"""Unseen starts that the policy is tested from at its end."""
 
 
 def robustify_run(
@@ -89,9 +87,8 @@ def robustify_run(
         if not _is_over(folder, timesteps, success):
             training.learn(timesteps, save, progress_bar=progress_bar)
     with closing(make()) as env:
-        starts = evaluate_starts(training.model, env, n_different(env, N_STARTS))
-    noted = {"n": len(starts.success), "success": int(starts.success.sum())}
-    RunFolder(folder).note(starts=noted)
+        starts = evaluate_starts(training.model, env, n_different(env))
+    RunFolder(folder).note(starts=starts.counts)
     return starts
 
 

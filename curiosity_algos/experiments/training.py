@@ -21,9 +21,6 @@ from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.robust.measure import draws_starts, evaluate_starts, in_words
 
-N_STARTS = 100
-"""Unseen starts that the policy of a run is tested from, where starts are drawn."""
-
 
 def is_finished(run: RunSpec, folder: Path) -> bool:
     """Whether the budget of the run in a folder is spent; False where there is none.
@@ -112,8 +109,7 @@ def _measure_starts(model: BaseAlgorithm, run: RunSpec, folder: RunFolder) -> No
         return
     with closing(run.make_single()) as env:
         if draws_starts(env):
-            success = evaluate_starts(model, env, N_STARTS).success
-            folder.note(starts={"n": N_STARTS, "success": int(success.sum())})
+            folder.note(starts=evaluate_starts(model, env).counts)
 
 
 def _env_of(model: BaseAlgorithm) -> closing[VecEnv]:

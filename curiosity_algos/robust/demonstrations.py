@@ -12,6 +12,7 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.evaluation.flat_spaces import stack
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
@@ -92,14 +93,8 @@ def _play(
         if terminated or truncated:
             break
     success = is_success(info, total)
-    return Demonstration(start, np.array(actions), stacked(observations), total, success)
-
-
-def stacked(observations: Sequence[Any]) -> Any:
-    """Observations in a row: an array, or of a Dict an array for each key."""
-    if isinstance(observations[0], Mapping):
-        return {key: np.stack([each[key] for each in observations]) for key in observations[0]}
-    return np.stack(observations)
+    in_a_row = stack(env.observation_space, observations)
+    return Demonstration(start, np.array(actions), in_a_row, total, success)
 
 
 def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration]:

@@ -19,6 +19,8 @@ from curiosity_algos.sb3.gymnasium_vec_env import native_batch
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_at_least_one, check_seed
 
+N_STARTS = 100
+"""Starts that a policy is tested from, unless a user says another number."""
 UNSEEN = 10_000
 """The first seed of starts that no search has played, unless a user says another."""
 
@@ -45,6 +47,11 @@ class Starts:
         """Its 95 % confidence interval (Wilson 1927)."""
         return wilson(int(self.success.sum()), len(self.success))
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """The number of starts, and of those that succeeded, for a file."""
+        return {"n": len(self.success), "success": int(self.success.sum())}
+
     def __str__(self) -> str:
         """In words."""
         return in_words(int(self.success.sum()), len(self.success))
@@ -68,13 +75,13 @@ def draws_starts(env: gym.Env[Any, Any]) -> bool:
     return not data_equivalence(one, other)
 
 
-def n_different(env: gym.Env[Any, Any], n: int) -> int:
-    """How many of n starts to play: one if all are the same."""
-    return n if draws_starts(env) else 1
+def n_different(env: gym.Env[Any, Any]) -> int:
+    """How many starts to play: one if all are the same."""
+    return N_STARTS if draws_starts(env) else 1
 
 
 def evaluate_starts(
-    model: Any, env: gym.Env[Any, Any] | str, n: int = 100, *, seed: int = UNSEEN
+    model: Any, env: gym.Env[Any, Any] | str, n: int = N_STARTS, *, seed: int = UNSEEN
 ) -> Starts:
     """Play one episode from each of `n` starts, by the best actions.
 
@@ -93,7 +100,8 @@ def evaluate_starts(
     closed = closing(opened) if isinstance(env, str) else nullcontext()
     with closed, single_torch_thread():  # small networks are slower on several
         if (envs := native_batch(opened.spec, n, AutoresetMode.NEXT_STEP)) is not None:
-            return _play_batch(model, envs, seed)
+            with closing(envs):
+                return _play_batch(model, envs, seed)
         played = (demonstrate(model, opened, seed + i) for i in range(n))
         success, totals = zip(*((each.success, each.total) for each in played), strict=True)
     return Starts(np.array(success), np.array(totals))

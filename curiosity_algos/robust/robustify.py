@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
@@ -18,7 +18,8 @@ from stable_baselines3.common.type_aliases import MaybeCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.evaluation.environments import FactoryVecEnv
+from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
+from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
 from curiosity_algos.robust.imitation import N_STEPS, Imitation, Standardized
 from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
@@ -29,7 +30,6 @@ from curiosity_gym.validation import check_positive, check_seed, check_share
 
 N_ENVS = 32
 NET_ARCH, LOG_STD = [128, 128], -0.5
-MakeEnv = Callable[[], gym.Env[Any, Any]]
 
 
 def robustify(
@@ -80,10 +80,9 @@ def robustify(
     check_share(success=success)
     check_seed(seed)
     make = maker_of(model, env)
-    demonstrations = model if _are_demonstrations(model) else found_by(model, make)
     training = Training(
         make,
-        demonstrations,
+        _demonstrations(model, make),
         success=success,
         seed=seed,
         device=device,
@@ -98,12 +97,9 @@ def robustify(
     return training.model
 
 
-def _are_demonstrations(model: Any) -> bool:
-    return isinstance(model, Sequence) and all(isinstance(each, Demonstration) for each in model)
-
-
-def found_by(model: Any, make: MakeEnv) -> list[Demonstration]:
-    """The demonstrations of a model, in an environment that is made and closed."""
+def _demonstrations(model: Any, make: MakeEnv) -> Sequence[Demonstration]:
+    if isinstance(model, Sequence) and all(isinstance(each, Demonstration) for each in model):
+        return model
     with closing(make()) as env:
         return demonstrations_of(model, env)
 
@@ -197,7 +193,7 @@ def _as_list(callback: MaybeCallback) -> list[BaseCallback]:
 def _make_ppo(venv: VecEnv, gamma: float, **learner: Any) -> PPO:
     space = venv.observation_space
     policy_kwargs: dict[str, Any] = {"net_arch": NET_ARCH, "log_std_init": LOG_STD}
-    if _is_of_vectors(space):
+    if is_vector(space) and np.issubdtype(space.dtype, np.floating):
         policy_kwargs["features_extractor_class"] = Standardized
     name = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "MlpPolicy"
     return PPO(name, venv, policy_kwargs=policy_kwargs, gamma=gamma, **SETTINGS, **learner)
@@ -207,8 +203,3 @@ def _gamma(demonstrations: Sequence[Demonstration]) -> float:
     """A discount that sees half of the longest demonstration."""
     longest = max(len(each) for each in demonstrations)
     return float(np.clip(1.0 - 2.0 / longest, 0.99, 0.9995))
-
-
-def _is_of_vectors(space: spaces.Space[Any]) -> bool:
-    is_floats = isinstance(space, spaces.Box) and np.issubdtype(space.dtype, np.floating)
-    return is_floats and len(space.shape or ()) == 1

@@ -14,7 +14,7 @@ from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.utils import FloatSchedule
 
 from curiosity_algos.robust.imitation import Standardized
-from curiosity_algos.robust.measure import evaluate_starts, n_different
+from curiosity_algos.robust.measure import N_STARTS, evaluate_starts, n_different
 from curiosity_algos.robust.starts import DemonstrationStarts
 
 SETTINGS: dict[str, Any] = {
@@ -29,8 +29,8 @@ SHRINKING = 1_200_000
 """Timesteps in which steps shrink by 1 / e, once half of fresh episodes succeed: a constant rate
 forgets, and one that shrinks before learns no more."""
 SMALLEST_CLIP = 0.05
-TEST_INTERVAL, N_TESTED = 250_000, 100
-"""Timesteps between two tests of whether the policy works by now, and the starts of one."""
+TEST_INTERVAL = 250_000
+"""Timesteps between two tests of whether the policy works by now."""
 NEARLY = 0.25
 """Drawn actions that succeed so much less often than was asked for are not tested."""
 STUCK = 2_000_000
@@ -61,7 +61,7 @@ class Watch(BaseCallback):
         super().__init__()
         self.starts, self.env = starts, env
         self.success, self.seed = success, seed
-        self.n = n_different(env, N_TESTED)
+        self.n = n_different(env)
         self._is_over = False
 
     def _on_rollout_start(self) -> None:
@@ -98,7 +98,7 @@ class Watch(BaseCallback):
         is_time = n_tests > max(0, free - rollout) // TEST_INTERVAL
         if not is_time or share_of(self.starts.fresh_results) < self.success - NEARLY:
             return False
-        seed = self.seed + n_tests * N_TESTED
+        seed = self.seed + n_tests * N_STARTS
         tested = evaluate_starts(self.model, self.env, self.n, seed=seed)
         self.logger.record("robust/tested", tested.share)
         return tested.share >= self.success

@@ -22,14 +22,16 @@ from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
 from curiosity_algos.robust.imitation import N_STEPS, Imitation, Standardized
-from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
-from curiosity_algos.robust.watch import SETTINGS, FrontBar, Watch
+from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor, ScaledRewards
+from curiosity_algos.robust.watch import LOG_STD, SETTINGS, FrontBar, Watch
 from curiosity_algos.sb3.gymnasium_vec_env import open_batch
 from curiosity_gym import RecordEpisode
 from curiosity_gym.validation import check_positive, check_seed, check_share
 
 N_ENVS = 32
-NET_ARCH, LOG_STD = [128, 128], -0.5
+NET_ARCH = [128, 128]
+RETURN = 6.0
+"""Of demonstrations, as PPO is rewarded: values much below one are lost in the value's own noise."""
 
 
 def robustify(
@@ -139,7 +141,7 @@ class Training:
 
     Attributes:
         model: The PPO; replace it by one that was saved to continue.
-        starts: The environments, in `env` with a `FreshMonitor`.
+        starts: The environments, in `env` with a `FreshMonitor` and `ScaledRewards`.
     """
 
     def __init__(
@@ -159,7 +161,7 @@ class Training:
             stack.callback(venv.close)
             self.starts = DemonstrationStarts(venv, demonstrations, seed=starts_seed)
             stack.pop_all()
-        self.env = FreshMonitor(self.starts)
+        self.env = ScaledRewards(FreshMonitor(self.starts), _scale(demonstrations))
         self.model = _make_ppo(self.env, _gamma(demonstrations), seed=ppo_seed, **learner)
 
     def begin(self) -> None:
@@ -200,6 +202,12 @@ def _make_ppo(venv: VecEnv, gamma: float, **learner: Any) -> PPO:
 
 
 def _gamma(demonstrations: Sequence[Demonstration]) -> float:
-    """A discount that sees half of the longest demonstration."""
+    """A discount that sees to the end of the longest demonstration."""
     longest = max(len(each) for each in demonstrations)
-    return float(np.clip(1.0 - 2.0 / longest, 0.99, 0.9995))
+    return float(np.clip(1.0 - 0.75 / longest, 0.99, 0.9995))
+
+
+def _scale(demonstrations: Sequence[Demonstration]) -> float:
+    """What rewards are multiplied by."""
+    mean = float(np.mean([abs(each.total) for each in demonstrations]))
+    return RETURN / mean if mean > 0.0 else 1.0

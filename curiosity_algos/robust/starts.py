@@ -185,6 +185,28 @@ class FreshMonitor(VecMonitor):
         return observations, rewards, dones, infos
 
 
+class ScaledRewards(VecEnvWrapper):
+    """Multiplies rewards.
+
+    Args:
+        venv: The environments.
+        scale: The factor.
+    """
+
+    def __init__(self, venv: VecEnv, scale: float) -> None:
+        super().__init__(venv)
+        self.scale = scale
+
+    def reset(self) -> VecEnvObs:
+        """Begin all episodes."""
+        return self.venv.reset()
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """End a step."""
+        observations, rewards, dones, infos = self.venv.step_wait()
+        return observations, self.scale * rewards, dones, infos
+
+
 def _write(observations: Any, i: int, observation: Any) -> None:
     if isinstance(observations, dict):
         for key, part in observations.items():

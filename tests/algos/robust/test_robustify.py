@@ -95,6 +95,36 @@ def test_returns_and_successes_are_of_fresh_episodes_alone(short, demonstration)
         assert info["is_fresh"] == ("episode" in info) == ("is_success" in info)
 
 
+@pytest.mark.parametrize(("total", "scale"), [(0.5, 12.0), (-60.0, 0.1), (0.0, 1.0)])
+def test_the_learner_sees_demonstrations_of_a_return_of_six(demonstration, total, scale):
+    assert module._scale([replace(demonstration, total=total)]) == pytest.approx(scale)
+
+
+def test_the_learner_alone_sees_scaled_rewards(short, demonstration):
+    pairs = []
+
+    def see(values, _):
+        for reward, info in zip(values["rewards"], values["infos"], strict=True):
+            if "episode" in info:
+                pairs.append((reward, info["episode"]["r"]))
+        return True
+
+    robustify([demonstration], Walk, total_timesteps=2e4, seed=0, device="cpu", callback=see)
+    last, returns = np.array(pairs).T
+    assert returns.max() > 0.0
+    np.testing.assert_allclose(last, module.RETURN / demonstration.total * returns, rtol=1e-4)
+
+
+def test_steps_and_draws_shrink_together(short, demonstration):
+    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
+    training.starts.good_steps = watch.SHRINKING
+    training.learn(1)
+    training.env.close()
+    assert training.model.lr_schedule(1.0) == pytest.approx(watch.SETTINGS["learning_rate"] / np.e)
+    assert 0.05 < training.model.clip_range(1.0) < 0.2
+    assert training.model.policy.log_std.item() == pytest.approx(watch.LOG_STD - 1.0, abs=0.05)
+
+
 def test_a_search_demonstrates_by_its_best_policy_and_by_elites(make_easy_maze):
     model = CuriosityES(make_easy_maze(), population_size=6, seed=0).learn(3_000)
     (best, *others) = demonstrations_of(model, make_easy_maze())

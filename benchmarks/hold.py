@@ -13,14 +13,17 @@ from typing import Any
 
 import pandas as pd
 import typer
+from stable_baselines3 import PPO
 
 from benchmarks.measure import markdown
+from benchmarks.pretrained import FOLDER as PACKAGE
 from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import evaluate_starts
 from curiosity_algos.experiments import film
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained
 from curiosity_algos.experiments.robust_run import robustify_run
+from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import train
 from curiosity_algos.robust.demonstrations import load_demonstrations
@@ -82,6 +85,16 @@ def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None
         source, folder / "robust", timesteps=timesteps, seed=seed, interval=interval
     )
     typer.echo(f"{task}, seed {seed}: {starts}")
+
+
+@app.command()
+def keep(task: str, seed: int, runs: Path = RUNS) -> None:
+    """Write the policy of a run into the package, for `curiosity enjoy --pretrained ppo`."""
+    checkpoint = RunFolder(runs / task / str(seed) / "robust").checkpoint
+    assert checkpoint is not None
+    states = PPO.load(checkpoint / "model", device="cpu").policy.state_dict()
+    path = PACKAGE / f"PPO_{TASKS[task].env}.npz"
+    write_arrays(path, {name: tensor.numpy() for name, tensor in states.items()})
 
 
 @app.command()

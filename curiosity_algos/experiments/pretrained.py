@@ -6,10 +6,13 @@ from importlib.resources import files
 
 import gymnasium as gym
 import numpy as np
+import torch as th
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.names import find_algorithm, find_known
 from curiosity_algos.evaluation.policies import MlpPolicy
+from curiosity_algos.robust.robustify import POLICY_KWARGS
 from curiosity_gym.registration import SPECS
 
 # Resources, not paths: the package may lie in an archive.
@@ -22,8 +25,8 @@ PRETRAINED = tuple(sorted(tuple(name.split("_", 1)) for name in _FILES))
 """Pairs of algorithm and environment."""
 
 
-def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
-    """The policy of the algorithm's best run in the committed results.
+def load_pretrained(algorithm: str, env_id: str) -> BasePolicy:
+    """The policy of the algorithm's best run in the committed results; "ppo" is of `robustify`.
 
     It `predict`s as a trained model does, and `evaluate_policy` takes it for one.
 
@@ -36,10 +39,15 @@ def load_pretrained(algorithm: str, env_id: str) -> MlpPolicy:
     """
     saved = _read(algorithm, env_id)
     env = gym.make(env_id)
-    policy = MlpPolicy(env.observation_space, env.action_space, saved["net_arch"].tolist())
+    spaces = env.observation_space, env.action_space
     env.close()
-    policy.vector[:] = saved["parameters"]
-    return policy
+    if "net_arch" in saved:
+        policy = MlpPolicy(*spaces, saved["net_arch"].tolist())
+        policy.vector[:] = saved["parameters"]
+        return policy
+    robust = ActorCriticPolicy(*spaces, lambda _: 0.0, **POLICY_KWARGS)
+    robust.load_state_dict({name: th.as_tensor(array) for name, array in saved.items()})
+    return robust
 
 
 def pretrained_seed(algorithm: str, env_id: str) -> int | None:

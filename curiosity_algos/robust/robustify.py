@@ -29,7 +29,12 @@ from curiosity_gym import RecordEpisode
 from curiosity_gym.validation import check_positive, check_seed, check_share
 
 N_ENVS = 32
-NET_ARCH = [128, 128]
+POLICY_KWARGS: dict[str, Any] = {
+    "net_arch": [128, 128],
+    "log_std_init": LOG_STD,
+    "features_extractor_class": Standardized,
+}
+"""Of observations that are vectors; others are not standardized."""
 RETURN = 6.0
 """Of demonstrations, as PPO is rewarded: values much below one are lost in the value's own noise."""
 
@@ -194,9 +199,9 @@ def _as_list(callback: MaybeCallback) -> list[BaseCallback]:
 
 def _make_ppo(venv: VecEnv, gamma: float, **learner: Any) -> PPO:
     space = venv.observation_space
-    policy_kwargs: dict[str, Any] = {"net_arch": NET_ARCH, "log_std_init": LOG_STD}
-    if is_vector(space) and np.issubdtype(space.dtype, np.floating):
-        policy_kwargs["features_extractor_class"] = Standardized
+    policy_kwargs = dict(POLICY_KWARGS)
+    if not (is_vector(space) and np.issubdtype(space.dtype, np.floating)):
+        del policy_kwargs["features_extractor_class"]
     name = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "MlpPolicy"
     return PPO(name, venv, policy_kwargs=policy_kwargs, gamma=gamma, **SETTINGS, **learner)
 

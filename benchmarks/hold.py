@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
+import numpy as np
 import pandas as pd
 import typer
 from stable_baselines3 import PPO
@@ -18,7 +20,7 @@ from stable_baselines3 import PPO
 from benchmarks.measure import markdown
 from benchmarks.pretrained import FOLDER as PACKAGE
 from benchmarks.results import FOLDER, add_rows
-from curiosity_algos import evaluate_starts
+from curiosity_algos import CuriosityES, evaluate_starts
 from curiosity_algos.experiments import film
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained
@@ -42,6 +44,8 @@ class Task:
     timesteps: float = 1e7
     search: Mapping[str, Any] = field(default_factory=dict)
     """Other fields of the search's `RunSpec`."""
+    is_perturbed: bool = False
+    """Whether both policies are tested in a `Perturbed` maze, which neither was trained in."""
 
     def spec(self, seed: int) -> RunSpec:
         """The search."""
@@ -50,7 +54,29 @@ class Task:
         return RunSpec(env=self.env, seed=seed, timesteps=self.search_timesteps, **kwargs)
 
 
+class Perturbed(gym.Wrapper[Any, Any, Any, Any]):
+    """A maze whose observations are noisy, and whose actions are turned by up to five degrees."""
+
+    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode."""
+        observation, info = self.env.reset(**arguments)
+        return self._noisy(observation), info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Take a step."""
+        angle = np.deg2rad(self.np_random.uniform(-5.0, 5.0))
+        sine, cosine = np.sin(angle), np.cos(angle)
+        turned = np.array([[cosine, -sine], [sine, cosine]]) @ action
+        observation, *outcome = self.env.step(turned.astype(np.float32))
+        return self._noisy(observation), *outcome
+
+    def _noisy(self, observation: Any) -> Any:
+        noise = self.np_random.normal(scale=0.01, size=observation.shape)
+        return (observation + noise).astype(observation.dtype)
+
+
 RANDOM = {"env_kwargs": {"random_start": True}}
+WITHIN_2, WITHIN_20 = ({"env_kwargs": {"start_radius": radius}} for radius in (2.0, 20.0))
 APT = {
     "algorithm": "ppo",
     "bonus": "apt",
@@ -66,9 +92,14 @@ TASKS = {
     "BallInCup": Task("CuriosityControl-BallInCup-v0", 1e6, search=RANDOM),
     "Finger": Task("CuriosityControl-Finger-v0", 1e7, search=RANDOM),
     "Hard, PPO + APT": Task("CuriosityMaze-Hard-v0", 3e5, 2e6, APT),
-    "Hard within 20, PPO + APT": Task(
-        "CuriosityMaze-Hard-v0", 3e5, 1e7, {**APT, "env_kwargs": {"start_radius": 20.0}}
-    ),
+    **{
+        f"{name} within 20": Task(f"CuriosityMaze-{name}-v0", 1e7, search=WITHIN_20)
+        for name in ("Hard", "US")
+    },
+    **{
+        f"{name}, perturbed": Task(f"CuriosityMaze-{name}-v0", 1e7, 1e7, WITHIN_2, True)
+        for name in ("Hard", "Labyrinth", "Snake", "US")
+    },
 }
 
 
@@ -90,9 +121,8 @@ def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None
 @app.command()
 def keep(task: str, seed: int, runs: Path = RUNS) -> None:
     """Write the policy of a run into the package, for `curiosity enjoy --pretrained ppo`."""
-    checkpoint = RunFolder(runs / task / str(seed) / "robust").checkpoint
-    assert checkpoint is not None
-    states = PPO.load(checkpoint / "model", device="cpu").policy.state_dict()
+    model = PPO.load(_model(runs / task / str(seed) / "robust"), device="cpu")
+    states = model.policy.state_dict()
     path = PACKAGE / f"PPO_{TASKS[task].env}.npz"
     write_arrays(path, {name: tensor.numpy() for name, tensor in states.items()})
 
@@ -107,14 +137,20 @@ def collect(runs: Path = RUNS, out: Path = FOLDER) -> None:
 
 def _row(folder: Path) -> dict[str, Any]:
     robust, task = Run(folder / "robust"), TASKS[folder.parent.name]
-    is_pretrained = task.search_timesteps is None
+    result, is_pretrained = robust.result, task.search_timesteps is None
     search = {} if is_pretrained else Run(folder / "search").result
-    if is_pretrained:
-        solved = _solved(task)
+    solved = result["starts"]["success"]
+    if task.is_perturbed:
+        models = [CuriosityES.load(_model(folder / "search")), PPO.load(_model(folder / "robust"))]
+        env = Perturbed(gym.make(task.env, **task.search["env_kwargs"]))
+        search_solved, solved = (int(evaluate_starts(m, env).success.sum()) for m in models)
+    elif is_pretrained:
+        policy = load_pretrained("curiosity_es", task.env)
+        search_solved = int(evaluate_starts(policy, task.env).success.sum())
     elif "starts" in search:
-        solved = search["starts"]["success"]
+        search_solved = search["starts"]["success"]
     else:  # all start alike
-        solved = int(film.play(folder / "search") > 0.0)
+        search_solved = int(film.play(folder / "search") > 0.0)
     demonstrations = load_demonstrations(robust.folder.demonstrations)
     return {
         "task": folder.parent.name,
@@ -122,18 +158,19 @@ def _row(folder: Path) -> dict[str, Any]:
         "search_timesteps": search.get("timesteps"),
         "search_seconds": search.get("seconds"),
         "demonstration": len(demonstrations[0]),
-        "search_solved": solved,
-        "timesteps": robust.result["timesteps"],
-        "seconds": robust.result["seconds"],
-        "solved": robust.result["starts"]["success"],
-        "starts": robust.result["starts"]["n"],
+        "search_solved": search_solved,
+        "timesteps": result["timesteps"],
+        "seconds": result["seconds"],
+        "solved": solved,
+        "starts": result["starts"]["n"],
     }
 
 
-def _solved(task: Task) -> int:
-    """Unseen starts that the policy of the package solves."""
-    policy = load_pretrained("curiosity_es", task.env)
-    return int(evaluate_starts(policy, task.env).success.sum())
+def _model(run: Path) -> Path:
+    """The file of a run's last model."""
+    checkpoint = RunFolder(run).checkpoint
+    assert checkpoint is not None
+    return checkpoint / "model"
 
 
 FORMATS = {

@@ -186,7 +186,9 @@ def test_what_robots_find_is_said_with_how_it_holds():
     runs, starts = results.read_runs("locomotion_long"), results.read_rows(tables.UNSEEN)
     own = [rows[rows["algorithm"] == "CuriosityES"] for rows in (runs, starts)]
     assert not runs["algorithm"].str.contains("unobserved").any()  # runs of an older default
-    ant, humanoid = tables.robots().split("; ")
+    ant, humanoid = re.split("; |\\. By", tables.robots())[:2]
+    robust = results.read_rows("hold").query("task == 'AntTrap'")["solved"].tolist()
+    assert [int(n) for n in re.findall(r"\d+", tables.robots().split(". By")[1])][:3] == robust
     for said, name in ((ant, "AntTrap"), (humanoid, "HumanoidTrap")):
         found, solved = (rows[rows["env"].str.contains(name)] for rows in own)
         n_found = found["first_success_timesteps"].notna().sum()

@@ -22,7 +22,7 @@ from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
 from curiosity_algos.robust.imitation import N_STEPS, Imitation, Standardized
-from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor, ScaledRewards
+from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
 from curiosity_algos.robust.watch import LOG_STD, SETTINGS, FrontBar, Watch
 from curiosity_algos.sb3.gymnasium_vec_env import open_batch
 from curiosity_gym import RecordEpisode
@@ -146,7 +146,7 @@ class Training:
 
     Attributes:
         model: The PPO; replace it by one that was saved to continue.
-        starts: The environments, in `env` with a `FreshMonitor` and `ScaledRewards`.
+        starts: The environments, in `env` with a `FreshMonitor`.
     """
 
     def __init__(
@@ -166,7 +166,7 @@ class Training:
             stack.callback(venv.close)
             self.starts = DemonstrationStarts(venv, demonstrations, seed=starts_seed)
             stack.pop_all()
-        self.env = ScaledRewards(FreshMonitor(self.starts), _scale(demonstrations))
+        self.env = FreshMonitor(self.starts, scale=_scale(demonstrations))
         self.model = _make_ppo(self.env, _gamma(demonstrations), seed=ppo_seed, **learner)
 
     def begin(self) -> None:

@@ -173,7 +173,16 @@ class DemonstrationStarts(VecEnvWrapper):
 
 
 class FreshMonitor(VecMonitor):
-    """Records the fresh episodes of `DemonstrationStarts`: of others the beginning is missing."""
+    """Records the fresh episodes of `DemonstrationStarts`: of others the beginning is missing.
+
+    Args:
+        venv: The `DemonstrationStarts`.
+        scale: What the learner's rewards are multiplied by; records are of the rewards themselves.
+    """
+
+    def __init__(self, venv: VecEnv, *, scale: float = 1.0) -> None:
+        super().__init__(venv)
+        self.scale = scale
 
     def step_wait(self) -> VecEnvStepReturn:
         """End a step; infos name returns and successes of fresh episodes alone."""
@@ -182,28 +191,6 @@ class FreshMonitor(VecMonitor):
             if not info.get(IS_FRESH, True):
                 info.pop("episode", None)
                 info.pop("is_success", None)
-        return observations, rewards, dones, infos
-
-
-class ScaledRewards(VecEnvWrapper):
-    """Multiplies rewards.
-
-    Args:
-        venv: The environments.
-        scale: The factor.
-    """
-
-    def __init__(self, venv: VecEnv, scale: float) -> None:
-        super().__init__(venv)
-        self.scale = scale
-
-    def reset(self) -> VecEnvObs:
-        """Begin all episodes."""
-        return self.venv.reset()
-
-    def step_wait(self) -> VecEnvStepReturn:
-        """End a step."""
-        observations, rewards, dones, infos = self.venv.step_wait()
         return observations, self.scale * rewards, dones, infos
 
 

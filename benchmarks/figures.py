@@ -24,6 +24,9 @@ from curiosity_algos.experiments.canvas import (
 )
 from curiosity_algos.experiments.labels import color_labels
 from curiosity_algos.experiments.measures import Points
+from curiosity_gym import random_layout
+from curiosity_gym.drawn import KINDS
+from curiosity_gym.maze.plots import draw_layout
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 TITLES = {
@@ -74,9 +77,20 @@ def points_of(run: pd.DataFrame, name: str) -> Points:
     return np.r_[0.0, run["timesteps"]], np.r_[0.0, run[name]]
 
 
+def random_mazes() -> Figure:
+    """A maze of each kind."""
+    figure = Figure(figsize=(12, 3.2), layout="constrained")
+    for ax, kind in zip(figure.subplots(1, len(KINDS)), KINDS, strict=True):
+        layout = random_layout(kind, (4, 4) if kind == "rooms" else (8, 8))
+        draw_layout(ax, layout)
+        ax.set(title=layout.name, xlabel="", ylabel="", xticks=[], yticks=[])
+    return figure
+
+
 def main(out: Path = IMAGES) -> None:
     """Draw every figure anew."""
     out.mkdir(parents=True, exist_ok=True)
+    save_figure(random_mazes(), out / "random_mazes.png")
     for name, title in TITLES.items():
         save_figure(show(read_curves(name), title), out / f"{name}.png")
 

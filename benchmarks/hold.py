@@ -98,6 +98,11 @@ TASKS = {
         f"{name} within 20": Task(f"CuriosityMaze-{name}-v0", 1e7, search=WITHIN_20)
         for name in ("Hard", "US")
     },
+    "A maze with loops within 20": Task(
+        "CuriosityMaze-v0",
+        1e7,
+        search={"env_kwargs": {"layout": "loops-8x8-seed0", "start_radius": 20.0}},
+    ),
     **{
         f"{name}, perturbed": Task(f"CuriosityMaze-{name}-v0", 1e7, 1e7, WITHIN_2, True)
         for name in ("Hard", "Labyrinth", "Snake", "US")

@@ -1,5 +1,6 @@
 """Sparse-reward environments for Gymnasium; importing this package registers their ids."""
 
+from curiosity_gym.drawn import random_layout
 from curiosity_gym.layouts import MazeLayout
 from curiosity_gym.registration import register_envs
 from curiosity_gym.wrappers.behavior import BehaviorAccumulator, BehaviorWrapper
@@ -14,6 +15,7 @@ __all__ = [
     "MazeLayout",
     "RecordEpisode",
     "SparseRewardWrapper",
+    "random_layout",
     "register_envs",
 ]
 

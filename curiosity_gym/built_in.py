@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from curiosity_gym.drawn import named_layout
 from curiosity_gym.layouts import MazeLayout
 
 # fmt: off
@@ -52,7 +53,9 @@ BUILT_IN = {
 def resolve_layout(
     layout: Any, built_in: Mapping[str, MazeLayout] = BUILT_IN, name: str = "layout"
 ) -> MazeLayout:
-    """Return the layout itself, or what its fields, a built-in name, a .json path or a text mean.
+    """Return the layout itself, or what its fields, a name, a .json path or a text mean.
+
+    Names are those of the built-in mazes and of `random_layout`.
 
     In a text a backslash and an n are a line break, too. An error has the argument's `name`.
 
@@ -65,11 +68,14 @@ def resolve_layout(
         return MazeLayout.from_dict(layout)
     if isinstance(layout, str) and layout in built_in:
         return built_in[layout]
+    if isinstance(layout, str) and (drawn := named_layout(layout)) is not None:
+        return drawn
     if isinstance(layout, str | os.PathLike) and str(layout).endswith(".json"):
         return MazeLayout.from_json(layout)
     if isinstance(layout, str) and "\n" in (text := layout.replace(r"\n", "\n")):
         return MazeLayout.from_ascii(text)  # a shell passes the two characters
     raise ValueError(
         f"`{name}` must be a MazeLayout or its fields, a built-in name ({', '.join(built_in)}), a "
-        f"path ending in .json, or ASCII text with a line break, got {layout!r:.60}."
+        "name of random_layout such as rooms-4x4-door8-seed0, a path ending in .json, or ASCII "
+        f"text with a line break, got {layout!r:.60}."
     )

@@ -73,8 +73,9 @@ class MazeEnv(EpisodicEnv):
         `position` (2,), `velocity` (2,), `behavior` (4,), float64, and `is_success`.
 
     Args:
-        layout: "snake", "us", "hard", "labyrinth", a `MazeLayout`, a path to its `.json` file, or
-            ASCII text. The ids give it, but for `CuriosityMaze-v0`, which needs it.
+        layout: "snake", "us", "hard", "labyrinth", a name of `random_layout`, a `MazeLayout`, a
+            path to its `.json` file, or ASCII text. The ids give it, but for `CuriosityMaze-v0`,
+            which needs it.
         horizon: Steps after which an episode is truncated, and the T of the reward `1 - t / T`.
         max_speed: Bound of each velocity component (maze units per s).
         max_acceleration: Acceleration of an action of 1 (maze units per s^2).

@@ -127,6 +127,8 @@ def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None
 @app.command()
 def keep(task: str, seed: int, runs: Path = RUNS) -> None:
     """Write the policy of a run into the package, for `curiosity enjoy --pretrained ppo`."""
+    if "env_kwargs" in TASKS[task].search:
+        raise typer.BadParameter("must be of an environment by its id alone.", param_hint="TASK")
     model = PPO.load(_model(runs / task / str(seed) / "robust"), device="cpu")
     states = model.policy.state_dict()
     path = PACKAGE / f"PPO_{TASKS[task].env}.npz"
@@ -137,7 +139,8 @@ def keep(task: str, seed: int, runs: Path = RUNS) -> None:
 def collect(runs: Path = RUNS, out: Path = FOLDER) -> None:
     """Add what runs came to, finished or not, to `hold.csv`."""
     found = sorted(path.parents[1] for path in runs.glob("*/*/robust/run.json"))
-    rows = [_row(folder) for folder in found if Run(folder / "robust").result.get("starts")]
+    ended = [each for each in found if Run(each / "robust").result.get("starts")]
+    rows = [_row(folder) for folder in ended if folder.parent.name in TASKS]
     add_rows(pd.DataFrame(rows), out / "hold.csv", KEYS)
 
 

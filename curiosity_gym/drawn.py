@@ -11,8 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from curiosity_gym.core import Float64Array
-from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout
-from curiosity_gym.validation import check_choice, check_seed, check_whole
+from curiosity_gym.layouts import MazeLayout
+from curiosity_gym.validation import (
+    LARGEST_COUNT,
+    check_choice,
+    check_positive,
+    check_whole,
+    is_whole,
+)
 
 KINDS = ("perfect", "loops", "rooms", "open")
 SIDE = 200.0
@@ -24,7 +30,12 @@ LONGEST = 1300.0
 """Of the way to a goal, in maze units: less than 2,000 steps at a third of the top speed."""
 GAP = 3.0
 """Least distance of a block from the border of its cell."""
-NAME = re.compile(r"(\w+)-(\d+)x(\d+)(?:-door(\d+(?:\.\d+)?))?-seed(\d+)")
+NARROWEST = 2.1
+"""Of doors: walls stop a robot, 2 wide, a little before it touches them."""
+NUMBER = "(0|[1-9][0-9]*)"
+NAME = re.compile(
+    rf"({'|'.join(KINDS)})-{NUMBER}x{NUMBER}(?:-door([0-9]+(?:\.[0-9]+)?))?-seed{NUMBER}"
+)
 
 Cell = tuple[int, int]
 Doors = dict[tuple[Cell, Cell], tuple[float, float]]
@@ -58,36 +69,29 @@ def random_layout(
     """Draw a maze of 200 x 200 units; the same arguments draw the same one.
 
     The start is in the lower left cell. The goal is in the cell with the longest way, of those
-    whose way 2,000 steps at a third of the top speed are enough for. Its name, such as
-    `rooms-4x4-door4-seed7`, is also a `layout` of `CuriosityMaze-v0`.
+    whose way 2,000 steps at a third of the top speed are enough for; that of "open" is in the upper
+    right corner. The maze's name, such as `rooms-4x4-door4-seed7`, is also a `layout` of
+    `CuriosityMaze-v0`.
 
     Args:
-        kind: "perfect": corridors without a loop; "loops": a quarter of their inner walls is open;
-            "rooms": as "perfect", through doors in the walls; "open": a field, a block in each
-            cell.
+        kind: "perfect": corridors without a loop; "loops": a quarter of their inner walls, at least
+            one, is open; "rooms": as "perfect", through doors in the walls; "open": a field with a
+            block in each cell.
         size: Columns and rows of cells, 2 to 20 each.
-        door: Width of doors (maze units), for "rooms"; None: 8. Above 2, the robot's width, up to
-            the side of a room without its walls.
+        door: Width of doors (maze units), for "rooms", from 2.1 up to the side of a room without
+            its walls; None: 8.
         seed: Of the draws.
 
     Raises:
         ValueError: If an argument is not what it may be.
     """
     check_choice(KINDS, kind=kind)
-    columns, rows = size
-    check_whole(2, 20, columns=columns, rows=rows)
-    check_seed(seed)
-    grid = _Grid(int(columns), int(rows))
-    widest, is_rooms = min(grid.sides) - WALL, kind == "rooms"
-    width = 8.0 if door is None and is_rooms else door
-    if width is not None and not (is_rooms and 2 * ROBOT_RADIUS < width <= widest):
-        raise ValueError(
-            f'`door` must be left out but for "rooms", and there be above {2 * ROBOT_RADIUS:g}, '
-            f"the robot's width, up to {widest:g}, got {width!r}."
-        )
+    grid = _Grid(*_checked_size(size))
+    check_whole(0, LARGEST_COUNT, seed=seed)
+    width = _checked_door(kind, grid, door)
     rng = np.random.default_rng(seed)
-    middle = "" if width is None else f"-door{width:g}"
-    name = f"{kind}-{columns}x{rows}{middle}-seed{seed}"
+    middle = "" if width is None else f"-door{width!r}".removesuffix(".0")
+    name = f"{kind}-{grid.columns}x{grid.rows}{middle}-seed{seed}"
     if kind == "open":
         corner = GAP / 2
         return MazeLayout(
@@ -96,17 +100,42 @@ def random_layout(
     doors = {edge: _place(grid, edge, width, rng) for edge in _tree(grid, rng)}
     if kind == "loops":
         closed = [edge for edge in _edges(grid) if edge not in doors]
-        opened = rng.permutation(len(closed))[: round(LOOPS * len(closed))]
+        opened = rng.permutation(len(closed))[: max(1, round(LOOPS * len(closed)))]
         doors |= {closed[i]: _place(grid, closed[i], None, rng) for i in opened}
     goal = _furthest(grid, doors)
     return MazeLayout(name, SIDE, SIDE, grid.center((0, 0)), grid.center(goal), _walls(grid, doors))
 
 
-def named_layout(name: str) -> MazeLayout | None:
-    """The layout of a name that `random_layout` gives; None if it is none."""
-    match = NAME.fullmatch(name)
-    if match is None:
+def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    is_pair = isinstance(size, tuple | list) and len(size) == 2
+    if not is_pair or not all(is_whole(number, 2, 20) for number in size):
+        raise ValueError(f"`size` must be two whole numbers from 2 to 20, got {size!r}.")
+    return int(size[0]), int(size[1])
+
+
+def _checked_door(kind: str, grid: _Grid, door: float | None) -> float | None:
+    if kind != "rooms":
+        if door is not None:
+            raise ValueError(f'`door` must be left out but for "rooms", got {door!r}.')
         return None
+    if door is None:
+        door = 8.0
+    check_positive(door=door)
+    widest = min(grid.sides) - WALL
+    if not NARROWEST <= door <= widest:
+        raise ValueError(f"`door` must be from {NARROWEST} to {widest}, got {door!r}.")
+    return float(door)
+
+
+def is_drawn(name: str) -> bool:
+    """Whether a name is of the form of those that `random_layout` gives."""
+    return NAME.fullmatch(name) is not None
+
+
+def named_layout(name: str) -> MazeLayout:
+    """The layout of a name that `random_layout` gives; ValueError if it draws none of the name."""
+    match = NAME.fullmatch(name)
+    assert match is not None
     kind, columns, rows, door, seed = match.groups()
     size = int(columns), int(rows)
     return random_layout(kind, size, door=None if door is None else float(door), seed=int(seed))
@@ -143,7 +172,7 @@ def _place(
     low, high = row * side + WALL / 2, (row + 1) * side - WALL / 2
     if width is None:
         return low, high
-    begin = float(rng.uniform(low, high - width))
+    begin = float(rng.uniform(low, max(low, high - width)))
     return begin, begin + width
 
 

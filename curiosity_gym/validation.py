@@ -31,7 +31,7 @@ def _checker(what: str, is_valid: Callable[[Any], bool]) -> Callable[..., None]:
 def check_whole(low: int, high: int, /, **values: object) -> None:
     """Raise ValueError unless every value is a whole number from `low` to `high`."""
     what = f"a whole number from {low} to {high}"
-    _checker(what, lambda value: _is_whole(value, low, high))(**values)
+    _checker(what, lambda value: is_whole(value, low, high))(**values)
 
 
 def check_choice(choices: tuple[str, ...], **values: object) -> None:
@@ -42,7 +42,7 @@ def check_choice(choices: tuple[str, ...], **values: object) -> None:
 
 check_at_least_one = _checker(
     f"a whole number of at least 1, at most {LARGEST_COUNT:,}",
-    lambda value: _is_whole(value, 1, LARGEST_COUNT),
+    lambda value: is_whole(value, 1, LARGEST_COUNT),
 )
 check_positive = _checker(
     f"finite and above 0, at most {LARGEST:.0e}", lambda value: 0.0 < _number(value) <= LARGEST
@@ -61,7 +61,7 @@ check_keywords = _checker(
 check_render_mode = _checker('None or "rgb_array"', lambda value: value in (None, "rgb_array"))
 _check_seed = _checker(
     "None or a whole number of at least 0",
-    lambda value: value is None or _is_whole(value, 0, math.inf),
+    lambda value: value is None or is_whole(value, 0, math.inf),
 )
 
 
@@ -78,7 +78,7 @@ def as_float32(values: object) -> Float32Array:
         return np.empty(0, dtype=np.float32)
 
 
-def _is_whole(value: object, low: float, high: float) -> bool:
+def is_whole(value: object, low: float, high: float) -> bool:
     """Whether it is a whole number of Python or numpy in a range; Python counts True as 1."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         return False

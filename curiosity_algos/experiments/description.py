@@ -149,7 +149,7 @@ def describe_settings(model: BaseAlgorithm) -> dict[str, Any]:
         return settings
     n_envs = env.num_envs
     while isinstance(env, VecEnvWrapper):
-        if not isinstance(env, VecMonitor):  # which changes nothing
+        if type(env) is not VecMonitor:  # which changes nothing
             has_bonus = isinstance(env, BonusVecEnvWrapper)
             arguments = _as_json(env.settings) if has_bonus else _arguments(env, vars(env))
             wrappers[type(env).__name__] = arguments

@@ -31,7 +31,7 @@ from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
 from curiosity_gym.validation import check_choice
 
-SEEN_THROUGH = {"BonusVecEnvWrapper", "DemonstrationStarts", "VecTransposeImage"}
+SEEN_THROUGH = {"BonusVecEnvWrapper", "DemonstrationStarts", "FreshMonitor", "VecTransposeImage"}
 """Wrappers of a VecEnv that do not change what a policy acts on."""
 
 N_COLUMNS = 5

@@ -36,7 +36,8 @@ POLICY_KWARGS: dict[str, Any] = {
 }
 """Of observations that are vectors; others are not standardized."""
 RETURN = 6.0
-"""Of demonstrations, as PPO is rewarded: values much below one are lost in the value's own noise."""
+"""Of demonstrations, as PPO is rewarded: much below one is lost in the noise of its values."""
+LARGEST_SCALE = 100.0
 
 
 def robustify(
@@ -207,12 +208,12 @@ def _make_ppo(venv: VecEnv, gamma: float, **learner: Any) -> PPO:
 
 
 def _gamma(demonstrations: Sequence[Demonstration]) -> float:
-    """A discount that sees to the end of the longest demonstration."""
+    """A discount that sees a third beyond the end of the longest demonstration, up to 2,000."""
     longest = max(len(each) for each in demonstrations)
     return float(np.clip(1.0 - 0.75 / longest, 0.99, 0.9995))
 
 
 def _scale(demonstrations: Sequence[Demonstration]) -> float:
-    """What rewards are multiplied by."""
+    """What rewards are multiplied by, so that the returns are of that size on average."""
     mean = float(np.mean([abs(each.total) for each in demonstrations]))
-    return RETURN / mean if mean > 0.0 else 1.0
+    return min(RETURN / mean, LARGEST_SCALE) if mean > 0.0 else 1.0

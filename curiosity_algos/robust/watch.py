@@ -29,8 +29,8 @@ SHRINKING = 1_200_000
 """Timesteps in which steps shrink by 1 / e, once half of fresh episodes succeed: a constant rate
 forgets, and one that shrinks before learns no more."""
 SMALLEST_CLIP = 0.05
-LOG_STD = -0.5
-"""Of actions' draws at first; its deviation shrinks as steps do."""
+LOG_STD, SMALLEST_LOG_STD = -0.5, -3.0
+"""Of actions' draws, which shrink as steps do: their most, and its least."""
 TEST_INTERVAL = 250_000
 """Timesteps between two tests of whether the policy works by now."""
 NEARLY = 0.5
@@ -79,9 +79,11 @@ class Watch(BaseCallback):
         learner: Any = self.model
         learner.lr_schedule = FloatSchedule(SETTINGS["learning_rate"] * share)
         learner.clip_range = FloatSchedule(clip)
-        if isinstance(deviation := getattr(self.model.policy, "log_std", None), th.Tensor):
+        deviation = getattr(self.model.policy, "log_std", None)
+        if isinstance(deviation, th.Tensor) and self.starts.good_steps:
+            log_std = LOG_STD - self.starts.good_steps / SHRINKING
             with th.no_grad():  # what is drawn comes near to the best actions, which are tested
-                deviation.clamp_(max=LOG_STD + math.log(share))
+                deviation.clamp_(max=max(log_std, SMALLEST_LOG_STD))
 
     def _is_stuck(self) -> bool:
         starts = self.starts

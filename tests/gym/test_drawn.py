@@ -10,10 +10,20 @@ from scipy.sparse.csgraph import dijkstra
 
 from curiosity_gym import random_layout
 from curiosity_gym.built_in import resolve_layout
-from curiosity_gym.drawn import KINDS, SIDE, WALL
+from curiosity_gym.drawn import KINDS, NARROWEST, SIDE, WALL
 from curiosity_gym.layouts import ROBOT_RADIUS, are_free, reachable_cells
-from curiosity_gym.maze.dynamics import DT
+from curiosity_gym.maze.dynamics import DT, MARGIN
+from curiosity_gym.reachability import reachable_region
 
+LONGEST_WAY = 1.083 * 2000 * DT * 20.0 / 3.0
+"""Along a grid it is up to 8.3 % longer than one that goes straight."""
+REFUSED = (1, 5), (5, 21), (5, 2.5), 5, (5, 5, 5), None, (True, 5)
+DIGESTS = {
+    "perfect": "0b346022",
+    "loops": "d509b024",
+    "rooms": "225eecb4",
+    "open": "dd0ca154",
+}
 SIZES = st.tuples(st.integers(2, 20), st.integers(2, 20))
 
 
@@ -50,30 +60,49 @@ def passages(layout, columns, rows):
     return n
 
 
-@given(st.sampled_from(KINDS), SIZES, st.integers(0, 2**31 - 1))
+@given(st.sampled_from(KINDS), SIZES, st.integers(0, 10**9))
 @settings(max_examples=15, deadline=None)
 def test_goals_are_in_reach_within_two_thousand_steps_at_a_third_of_the_speed(kind, size, seed):
     layout = random_layout(kind, size, door=None if kind != "rooms" else 4.0, seed=seed)
-    # A way along the grid is up to 8.3 % longer than one that goes straight.
-    assert shortest_way(layout) <= 1.083 * 2000 * DT * 20.0 / 3.0
+    assert shortest_way(layout) <= LONGEST_WAY
     assert kind == "open" or reachable_cells(layout, 10).all()
 
 
-@given(SIZES, st.integers(0, 2**31 - 1))
+@pytest.mark.parametrize("seed", range(4))
+def test_a_goal_is_not_at_the_end_of_a_way_that_is_too_long(seed):
+    layout = random_layout("perfect", (20, 20), seed=seed)
+    assert 0.6 * LONGEST_WAY < shortest_way(layout) <= LONGEST_WAY
+
+
+@given(SIZES, st.integers(0, 10**9))
 @settings(max_examples=10, deadline=None)
 def test_corridors_are_a_tree_or_have_loops(size, seed):
     columns, rows = size
     n_walls = columns * (rows - 1) + rows * (columns - 1) - (columns * rows - 1)
+    n_opened = max(1, round(n_walls / 4))
     perfect, loops = (random_layout(kind, size, seed=seed) for kind in ("perfect", "loops"))
     assert passages(perfect, columns, rows) == columns * rows - 1
-    assert passages(loops, columns, rows) == columns * rows - 1 + round(n_walls / 4)
+    assert passages(loops, columns, rows) == columns * rows - 1 + n_opened
 
 
-@pytest.mark.parametrize("door", [2.5, 4.0, None, 48.0])
-def test_rooms_have_doors_of_the_width(door):
-    layout = random_layout("rooms", (4, 4), door=door, seed=7)
+@given(SIZES, st.floats(0.0, 1.0))
+@settings(max_examples=15, deadline=None)
+def test_rooms_have_doors_of_the_width_which_the_robot_passes(size, share):
+    (columns, rows), widest = size, SIDE / max(size) - WALL
+    door = NARROWEST + share * (widest - NARROWEST)
+    layout = random_layout("rooms", size, door=min(door, widest), seed=7)
     length = layout.walls[:, 2:].prod(axis=1).sum() / WALL
-    assert length == pytest.approx(6 * SIDE - 15 * (door or 8.0))
+    lines = columns + rows - 2
+    assert length == pytest.approx(lines * SIDE - (columns * rows - 1) * door)
+    assert resolve_layout(layout.name) == layout
+    radius = ROBOT_RADIUS + 2 * MARGIN  # walls stop a robot a little before it touches them
+    region = reachable_region(layout.walls, (SIDE, SIDE), layout.start, radius)
+    assert region.cells((SIDE, SIDE), 10).all()
+
+
+def test_a_maze_stays_what_it_is():
+    digests = {kind: random_layout(kind, (8, 8), seed=0).digest for kind in KINDS}
+    assert digests == DIGESTS
 
 
 def test_fields_have_a_block_in_each_cell():
@@ -88,7 +117,8 @@ def test_fields_have_a_block_in_each_cell():
 def test_a_name_is_a_layout(kind, size, seed):
     layout = random_layout(kind, size, seed=seed)
     assert resolve_layout(layout.name) == layout == random_layout(kind, size, seed=seed)
-    assert random_layout(kind, size, seed=seed + 1) != layout
+    other = random_layout(kind, size, seed=seed + 1000)
+    assert not np.array_equal(other.walls, layout.walls) or max(size) < 4
 
 
 def test_an_environment_takes_a_name():
@@ -99,14 +129,16 @@ def test_an_environment_takes_a_name():
 def test_mistakes_are_one_sentence():
     for arguments, match in [
         ({"kind": "round"}, "`kind` must be one of perfect, loops, rooms, open"),
-        ({"kind": "open", "size": (1, 5)}, "`columns` must be a whole number from 2 to 20"),
-        ({"kind": "loops", "size": (5, 2.5)}, "`rows` must be a whole number"),
-        ({"kind": "perfect", "seed": -1}, "`seed`"),
+        *(({"kind": "open", "size": size}, "`size` must be two whole") for size in REFUSED),
+        *(({"kind": "open", "seed": seed}, "`seed` must be a whole") for seed in (-1, None, 0.5)),
         ({"kind": "perfect", "door": 4.0}, '`door` must be left out but for "rooms"'),
-        ({"kind": "rooms", "size": (4, 4), "door": 2.0}, "above 2, the robot's width, up to 48"),
-        ({"kind": "rooms", "size": (4, 4), "door": float("nan")}, "`door`"),
+        *(({"kind": "rooms", "door": door}, "`door` must be") for door in (2.0, 24.0, "8", [8])),
     ]:
         with pytest.raises(ValueError, match=match):
             random_layout(**arguments)
-    with pytest.raises(ValueError, match="a name of random_layout such as"):
-        resolve_layout("rooms-4x4-doors4-seed7")
+    for name, match in [
+        ("rooms-4x4-doors4-seed7", "`world` must be .* a name of random_layout such as"),
+        ("rooms-1x4-seed7", "`world` 'rooms-1x4-seed7' names no maze: `size` must be"),
+    ]:
+        with pytest.raises(ValueError, match=match):
+            resolve_layout(name, name="world")

@@ -95,8 +95,8 @@ def test_returns_and_successes_are_of_fresh_episodes_alone(short, demonstration)
         assert info["is_fresh"] == ("episode" in info) == ("is_success" in info)
 
 
-@pytest.mark.parametrize(("total", "scale"), [(0.5, 12.0), (-60.0, 0.1), (0.0, 1.0)])
-def test_the_learner_sees_demonstrations_of_a_return_of_six(demonstration, total, scale):
+@pytest.mark.parametrize(("total", "scale"), [(0.5, 12.0), (-60.0, 0.1), (1e-9, 100.0), (0.0, 1.0)])
+def test_the_learner_sees_demonstrations_of_returns_of_the_size_of_six(demonstration, total, scale):
     assert module._scale([replace(demonstration, total=total)]) == pytest.approx(scale)
 
 
@@ -123,6 +123,38 @@ def test_steps_and_draws_shrink_together(short, demonstration):
     assert training.model.lr_schedule(1.0) == pytest.approx(watch.SETTINGS["learning_rate"] / np.e)
     assert 0.05 < training.model.clip_range(1.0) < 0.2
     assert training.model.policy.log_std.item() == pytest.approx(watch.LOG_STD - 1.0, abs=0.05)
+
+
+def test_draws_are_free_before_steps_shrink_and_never_vanish(short, demonstration):
+    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
+    log_std = training.model.policy.log_std
+    for good_steps, wide, expected in [(0, 0.5, 0.5), (10**9, 0.5, watch.SMALLEST_LOG_STD)]:
+        training.starts.good_steps = good_steps
+        log_std.data.fill_(wide)
+        training.learn(training.model.num_timesteps + 1)
+        assert log_std.item() == pytest.approx(expected, abs=0.1)
+    training.env.close()
+
+
+@pytest.mark.parametrize(
+    ("shares", "works"), [([0.9], False), ([1.0, 0.9], False), ([1.0] * 2, True)]
+)
+def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, works):
+    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
+    training.starts.fronts[:] = 0
+    training.starts.free_steps = watch.TEST_INTERVAL
+    training.starts.fresh_results.extend([True] * 60)
+    seeds, given = [], iter(shares)
+
+    def test(self, seed):
+        seeds.append(seed)
+        return next(given)
+
+    monkeypatch.setattr(watch.Watch, "_test", test)
+    training.learn(1)
+    training.env.close()
+    assert len({*seeds}) == len(shares)
+    assert (training.model.num_timesteps < 1_000) == works
 
 
 def test_a_search_demonstrates_by_its_best_policy_and_by_elites(make_easy_maze):

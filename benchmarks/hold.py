@@ -15,11 +15,14 @@ import gymnasium as gym
 import numpy as np
 import pandas as pd
 import typer
+from PIL import Image, ImageSequence
 from stable_baselines3 import PPO
 
+from benchmarks.figures import IMAGES
+from benchmarks.gallery import with_few_colors
 from benchmarks.measure import markdown
 from benchmarks.pretrained import FOLDER as PACKAGE
-from benchmarks.results import FOLDER, add_rows
+from benchmarks.results import FOLDER, add_rows, read_runs
 from curiosity_algos import CuriosityES, evaluate_starts
 from curiosity_algos.experiments import film
 from curiosity_algos.experiments.loading import Run
@@ -29,6 +32,7 @@ from curiosity_algos.experiments.run_folder import RunFolder, write_arrays
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import train
 from curiosity_algos.robust.demonstrations import load_demonstrations
+from curiosity_algos.robust.measure import UNSEEN
 
 app = typer.Typer(pretty_exceptions_enable=False)
 RUNS = Path("runs/hold")
@@ -136,6 +140,16 @@ def keep(task: str, seed: int, runs: Path = RUNS) -> None:
 
 
 @app.command()
+def picture(out: Path = IMAGES) -> None:
+    """Film ten episodes of the ant that comes with the package, side by side."""
+    path = out / "robust_ants.gif"
+    film.film(("ppo", TASKS["AntTrap"].env), path, stride=20, seed=UNSEEN, n_starts=10)
+    with Image.open(path) as whole:
+        frames = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(whole)]
+    film.write_film(with_few_colors(frames, 32), path)
+
+
+@app.command()
 def collect(runs: Path = RUNS, out: Path = FOLDER) -> None:
     """Add what runs came to, finished or not, to `hold.csv`."""
     found = sorted(path.parents[1] for path in runs.glob("*/*/robust/run.json"))
@@ -147,7 +161,7 @@ def collect(runs: Path = RUNS, out: Path = FOLDER) -> None:
 def _row(folder: Path) -> dict[str, Any]:
     robust, task = Run(folder / "robust"), TASKS[folder.parent.name]
     result, is_pretrained = robust.result, task.search_timesteps is None
-    search = {} if is_pretrained else Run(folder / "search").result
+    search = _long_search(task.env) if is_pretrained else Run(folder / "search").result
     solved = result["starts"]["success"]
     if task.is_perturbed:
         models = [CuriosityES.load(_model(folder / "search")), PPO.load(_model(folder / "robust"))]
@@ -164,8 +178,8 @@ def _row(folder: Path) -> dict[str, Any]:
     return {
         "task": folder.parent.name,
         "seed": int(folder.name),
-        "search_timesteps": search.get("timesteps"),
-        "search_seconds": search.get("seconds"),
+        "search_timesteps": search["timesteps"],
+        "search_seconds": search["seconds"],
         "demonstration": len(demonstrations[0]),
         "search_solved": search_solved,
         "timesteps": result["timesteps"],
@@ -173,6 +187,14 @@ def _row(folder: Path) -> dict[str, Any]:
         "solved": solved,
         "starts": result["starts"]["n"],
     }
+
+
+def _long_search(env: str) -> dict[str, Any]:
+    """The run of ten million steps whose best policy comes with the package."""
+    runs = read_runs("locomotion_long")
+    own = runs[(runs["algorithm"] == "CuriosityES") & (runs["env"] == env)]
+    best: dict[str, Any] = own.sort_values("best_return").iloc[-1].to_dict()
+    return best
 
 
 def _model(run: Path) -> Path:
@@ -198,8 +220,9 @@ def table(values: pd.DataFrame) -> str:
     rows = []
     for (task, n_starts), runs in values.groupby(["task", "starts"], sort=False):
         cells = [" / ".join(runs[name].map(form.format)) for name, form in FORMATS.values()]
-        rows.append([f"{task}, of {n_starts}", *cells])
-    return markdown(["Task, of so many starts", *FORMATS], rows)
+        searched = f"{runs['search_timesteps'].median() / 1e6:.2g} M"
+        rows.append([f"{task}, {searched}, of {n_starts}", *cells])
+    return markdown(["Task, steps of the search, of so many starts", *FORMATS], rows)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from benchmarks import (
     baselines,
     figures,
     gallery,
+    hold,
     learning,
     pretrained,
     roaming,
@@ -226,3 +227,29 @@ def test_policies_are_trained_and_written(tmp_path, monkeypatch, capsys):
         assert file["parameters"].shape == (1746,)
         assert file["net_arch"].tolist() == [32, 16]
         assert file["return"] == 0.98
+
+
+@pytest.mark.nightly
+def test_a_task_is_searched_trained_tested_and_collected(tmp_path, monkeypatch):
+    maze = {"layout": "S..\n...\n..G", "horizon": 200, "start_radius": 2.0}
+    task = hold.Task("CuriosityMaze-v0", 1e5, 1, {"env_kwargs": maze}, is_perturbed=True)
+    monkeypatch.setattr(hold, "TASKS", {"easy": task})
+    hold.run("easy", 3, runs=tmp_path)
+    hold.collect(runs=tmp_path, out=tmp_path)
+    (row,) = pd.read_csv(tmp_path / "hold.csv").to_dict("records")
+    assert (row["task"], row["seed"], row["starts"]) == ("easy", 3, 100)
+    assert 0 < row["search_solved"] <= 100
+    assert row["timesteps"] == 8192
+    assert hold.table(pd.DataFrame([row])).count("\n") == 2
+
+
+def test_mazes_are_perturbed_a_little():
+    plain, perturbed = gym.make("CuriosityMaze-US-v0"), gym.make("CuriosityMaze-US-v0")
+    perturbed = hold.Perturbed(perturbed)
+    (expected, _), (seen, _) = plain.reset(seed=0), perturbed.reset(seed=0)
+    assert 0.0 < np.abs(seen - expected).max() < 0.06
+    action = np.array([1.0, 0.0], np.float32)
+    for _ in range(3):
+        *_, expected = plain.step(action)
+        *_, info = perturbed.step(action)
+    assert 0.0 < np.linalg.norm(info["velocity"] - expected["velocity"]) < 3 * 0.5 * np.deg2rad(5)

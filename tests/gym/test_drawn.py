@@ -100,6 +100,13 @@ def test_rooms_have_doors_of_the_width_which_the_robot_passes(size, share):
     assert region.cells((SIDE, SIDE), 10).all()
 
 
+@pytest.mark.parametrize("side", [3, 7, 19])
+def test_a_door_may_be_as_wide_as_its_room(side):
+    layout = random_layout("rooms", (side, side), door=SIDE / side - WALL)
+    corridors = random_layout("perfect", (side, side))
+    np.testing.assert_allclose(layout.walls, corridors.walls, atol=1e-9)
+
+
 def test_a_maze_stays_what_it_is():
     digests = {kind: random_layout(kind, (8, 8), seed=0).digest for kind in KINDS}
     assert digests == DIGESTS

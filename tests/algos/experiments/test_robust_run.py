@@ -52,6 +52,7 @@ def test_the_policy_works_and_is_a_run_as_others(search, tmp_path):
     assert starts.share >= 0.95
     run = Run(tmp_path)
     assert run.description["algorithm"] == "PPO"
+    assert run.description["vec_env"]["wrappers"]["FreshMonitor"]["scale"] > 6.0
     assert run.progress["robust/tested"].iloc[-1] >= 0.95
     assert run.result["timesteps"] < 1e5
     assert film.play(tmp_path, seed=7) > 0.0  # without trust

@@ -100,6 +100,12 @@ def test_the_learner_sees_demonstrations_of_returns_of_the_size_of_six(demonstra
     assert module._scale([replace(demonstration, total=total)]) == pytest.approx(scale)
 
 
+@pytest.mark.parametrize(("steps", "horizon"), [(3, 100), (300, 400), (9_000, 2_000)])
+def test_the_discount_sees_a_third_beyond_a_demonstration(demonstration, steps, horizon):
+    long = replace(demonstration, actions=np.zeros((steps, 1)))
+    assert 1.0 / (1.0 - module._gamma([long])) == pytest.approx(horizon)
+
+
 def test_the_learner_alone_sees_scaled_rewards(short, demonstration):
     pairs = []
 

@@ -225,5 +225,15 @@ def table(values: pd.DataFrame) -> str:
     return markdown(["Task, steps of the search, of so many starts", *FORMATS], rows)
 
 
+def in_words(values: pd.DataFrame, task: str) -> str:
+    """The starts that policies of `robustify` solve in a task, and the steps of their training."""
+    runs = values[values["task"] == task]
+    (n_starts,) = runs["starts"].unique()
+    *solved, last = runs["solved"]
+    shortest, longest = runs["timesteps"].min() / 1e6, runs["timesteps"].max() / 1e6
+    share = f"{', '.join(map(str, solved))} and {last} of {n_starts} other starts"
+    return f"{share}, by {shortest:.1f} to {longest:.1f} M steps more"
+
+
 if __name__ == "__main__":
     app()

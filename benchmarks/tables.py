@@ -85,19 +85,8 @@ def robots() -> str:
         "With ten million steps, and without knowing positions, CuriosityES finds a way around the "
         f"U in AntTrap in single episodes of {found('AntTrap')}; for a humanoid it finds one in "
         f"those of {found('HumanoidTrap')}. By the ant's best episode `robustify` trains policies "
-        f"that reach the goal from {_made_robust('AntTrap')}."
+        f"that reach the goal from {hold.in_words(read_rows('hold'), 'AntTrap')}."
     )
-
-
-def _made_robust(task: str) -> str:
-    """The starts that policies of `robustify` solve, and the steps of their training."""
-    runs = read_rows("hold")
-    runs = runs[runs["task"] == task]
-    (n_starts,) = runs["starts"].unique()
-    *solved, last = runs["solved"]
-    shortest, longest = runs["timesteps"].min() / 1e6, runs["timesteps"].max() / 1e6
-    share = f"{', '.join(map(str, solved))} and {last} of {n_starts} other starts"
-    return f"{share}, by {shortest:.1f} to {longest:.1f} M steps more"
 
 
 def _found_and_held(runs: pd.DataFrame, starts: pd.DataFrame, name: str) -> str:

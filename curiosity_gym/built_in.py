@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from curiosity_gym.drawn import is_drawn, named_layout
+from curiosity_gym.drawn import named_layout
 from curiosity_gym.layouts import MazeLayout
 
 # fmt: off
@@ -68,11 +68,13 @@ def resolve_layout(
         return MazeLayout.from_dict(layout)
     if isinstance(layout, str) and layout in built_in:
         return built_in[layout]
-    if isinstance(layout, str) and is_drawn(layout):
+    if isinstance(layout, str):
         try:
-            return named_layout(layout)
+            drawn = named_layout(layout)
         except ValueError as error:
             raise ValueError(f"`{name}` {layout!r} names no maze: {error}") from error
+        if drawn is not None:
+            return drawn
     if isinstance(layout, str | os.PathLike) and str(layout).endswith(".json"):
         return MazeLayout.from_json(layout)
     if isinstance(layout, str) and "\n" in (text := layout.replace(r"\n", "\n")):

@@ -127,15 +127,15 @@ def _checked_door(kind: str, grid: _Grid, door: float | None) -> float | None:
     return float(door)
 
 
-def is_drawn(name: str) -> bool:
-    """Whether a name is of the form of those that `random_layout` gives."""
-    return NAME.fullmatch(name) is not None
+def named_layout(name: str) -> MazeLayout | None:
+    """The layout of a name of the form that `random_layout` gives; None of another form.
 
-
-def named_layout(name: str) -> MazeLayout:
-    """The layout of a name that `random_layout` gives; ValueError if it draws none of the name."""
+    Raises:
+        ValueError: If `random_layout` draws none of the name.
+    """
     match = NAME.fullmatch(name)
-    assert match is not None
+    if match is None:
+        return None
     kind, columns, rows, door, seed = match.groups()
     size = int(columns), int(rows)
     return random_layout(kind, size, door=None if door is None else float(door), seed=int(seed))

@@ -214,6 +214,6 @@ def _gamma(demonstrations: Sequence[Demonstration]) -> float:
 
 
 def _scale(demonstrations: Sequence[Demonstration]) -> float:
-    """What rewards are multiplied by, so that the returns are of that size on average."""
+    """What rewards are multiplied by, so that returns are of the size of `RETURN` on average."""
     mean = float(np.mean([abs(each.total) for each in demonstrations]))
     return min(RETURN / mean, LARGEST_SCALE) if mean > 0.0 else 1.0

@@ -12,6 +12,7 @@ import pytest
 import typer
 from matplotlib.collections import LineCollection, QuadMesh
 from matplotlib.colors import to_hex
+from padded_rollouts import rollouts_of
 from PIL import Image
 
 from benchmarks import paper_figures, projection
@@ -39,7 +40,6 @@ from benchmarks.reproduce import TrainedRuns, app
 from curiosity_algos import MAPElites
 from curiosity_algos.cli import main
 from curiosity_algos.evaluation import evaluator
-from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.experiments import SaveRun, load_runs, statistics
 from curiosity_algos.experiments.labels import COLORS
 from curiosity_algos.experiments.loading import Run
@@ -379,17 +379,7 @@ def test_policies_that_are_played_again_do_what_they_did(run, monkeypatch):
 
 def test_the_first_state_stands_before_a_short_episode():
     observations = np.arange(2 * 6 * 1, dtype=np.float32).reshape(2, 6, 1)
-    rollouts = Rollouts(
-        returns=np.zeros(2),
-        lengths=np.array([2, 5]),
-        success=np.ones(2, dtype=bool),
-        terminated=np.ones(2, dtype=bool),
-        behaviors=np.empty((2, 0)),
-        final_observations=observations[:, -1],
-        observations=observations,
-        actions=np.zeros((2, 5, 1), dtype=np.float32),
-    )
-    last = last_states(rollouts, 4)
+    last = last_states(rollouts_of(observations, [2, 5]), 4)
     assert last[:, :, 0].tolist() == [[0.0, 0.0, 1.0, 2.0], [8.0, 9.0, 10.0, 11.0]]
 
 

@@ -1,4 +1,4 @@
-"""Episodes of several lengths, for tests that look at trajectories."""
+"""Rollouts of episodes of several lengths, for tests that look at trajectories."""
 
 import numpy as np
 
@@ -6,6 +6,22 @@ from curiosity_algos.evaluation.rollouts import Rollouts
 
 N_OBSERVATIONS, HORIZON = 3, 12
 LENGTHS = np.array([12, 1, 5, 9, 2])
+
+
+def rollouts_of(observations, lengths, **others):
+    """Rollouts of these trajectories without rewards and behaviors, but for what is given."""
+    n, n_states = observations.shape[:2]
+    given = {
+        "returns": np.zeros(n),
+        "lengths": np.array(lengths),
+        "success": np.zeros(n, dtype=bool),
+        "terminated": np.zeros(n, dtype=bool),
+        "behaviors": np.zeros((n, 0)),
+        "final_observations": observations[np.arange(n), lengths],
+        "observations": observations,
+        "actions": np.zeros((n, n_states - 1, 1), dtype=np.float32),
+    }
+    return Rollouts(**(given | others))
 
 
 def make_rollouts(is_discrete=False, seed=0):
@@ -19,16 +35,7 @@ def make_rollouts(is_discrete=False, seed=0):
     for i, length in enumerate(LENGTHS):
         observations[i, length + 1 :] = np.nan
         actions[i, length:] = -99 if is_discrete else np.nan
-    return Rollouts(
-        returns=np.zeros(n),
-        lengths=LENGTHS,
-        success=np.zeros(n, dtype=bool),
-        terminated=LENGTHS < HORIZON,
-        behaviors=np.zeros((n, 0)),
-        final_observations=observations[np.arange(n), LENGTHS],
-        observations=observations,
-        actions=actions,
-    )
+    return rollouts_of(observations, LENGTHS, terminated=LENGTHS < HORIZON, actions=actions)
 
 
 def only(rollouts, individuals):

@@ -2,8 +2,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from padded_rollouts import rollouts_of
 
-from curiosity_algos import NSLC, Rollouts
+from curiosity_algos import NSLC
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.archives.verify import verify
 
@@ -71,16 +72,7 @@ def walks(rng, n=20, n_steps=100):
     observations = rng.normal(size=(n, n_steps + 1, 3)).astype(np.float32)
     speeds = rng.uniform(0.5, 1.5, (n, 1))
     observations[..., 0] = speeds * np.arange(n_steps + 1) - 50.0
-    return Rollouts(
-        returns=np.zeros(n),
-        lengths=np.full(n, n_steps),
-        success=np.zeros(n, dtype=bool),
-        terminated=np.zeros(n, dtype=bool),
-        behaviors=np.zeros((n, 0)),
-        final_observations=observations[:, -1],
-        observations=observations,
-        actions=np.zeros((n, n_steps, 1), dtype=np.float32),
-    )
+    return rollouts_of(observations, np.full(n, n_steps))
 
 
 def test_what_is_far_in_time_is_far_and_noise_is_not():

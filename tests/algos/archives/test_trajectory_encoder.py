@@ -6,33 +6,23 @@ import pytest
 import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from padded_rollouts import rollouts_of
 from saved_files import through_a_file
 
 from curiosity_algos.archives.trajectory_encoder import EvenStates, TrajectoryEncoder
-from curiosity_algos.evaluation.rollouts import Rollouts
 
 N_OBSERVATIONS = 3
 
 
 def make_rollouts(lengths, *, n_padding=0, n_observations=2):
     """Episodes whose states begin with individual and time, padded with NaN."""
-    lengths = np.array(lengths)
-    n, longest = len(lengths), lengths.max() + n_padding
-    observations = np.full((n, longest + 1, n_observations), np.nan, dtype=np.float32)
+    shape = len(lengths), max(lengths) + n_padding + 1, n_observations
+    observations = np.full(shape, np.nan, dtype=np.float32)
     for i, length in enumerate(lengths):
         observations[i, : length + 1] = 0.0
         observations[i, : length + 1, 0] = i
         observations[i, : length + 1, 1] = np.arange(length + 1)
-    return Rollouts(
-        returns=np.zeros(n),
-        lengths=lengths,
-        success=np.zeros(n, dtype=bool),
-        terminated=np.zeros(n, dtype=bool),
-        behaviors=np.zeros((n, 0)),
-        final_observations=observations[np.arange(n), lengths],
-        observations=observations,
-        actions=np.zeros((n, longest, 1), dtype=np.float32),
-    )
+    return rollouts_of(observations, lengths)
 
 
 def make_states(n=200, n_states=10, seed=0):

@@ -1,22 +1,13 @@
 import numpy as np
 import pytest
+from padded_rollouts import rollouts_of
 
-from curiosity_algos import Rollouts
 from curiosity_algos.evaluation.rollouts import as_behaviors, concatenate
-
-RECORD = {
-    "returns": np.zeros(3),
-    "lengths": np.array([4, 1, 7]),
-    "success": np.zeros(3, dtype=bool),
-    "terminated": np.zeros(3, dtype=bool),
-    "behaviors": np.zeros((3, 0)),
-    "final_observations": np.zeros((3, 2), dtype=np.float32),
-}
 
 
 def test_trajectories_are_there_or_an_error():
     with pytest.raises(ValueError, match="hold no trajectories"):
-        _ = Rollouts(**RECORD).trajectories
+        _ = part_of([4], 7).without_trajectories().trajectories
 
 
 @pytest.mark.parametrize("odd", ["left", [1.0], 2.0, [[1.0, 2.0]], None], ids=repr)
@@ -28,16 +19,8 @@ def test_behaviors_are_alike(odd):
 def part_of(lengths, n_steps):
     """Rollouts whose trajectories are `n_steps` long, and hold where each step is."""
     n, steps = len(lengths), np.arange(n_steps + 1.0)
-    return Rollouts(
-        returns=np.zeros(n),
-        lengths=np.array(lengths),
-        success=np.zeros(n, dtype=bool),
-        terminated=np.zeros(n, dtype=bool),
-        behaviors=np.zeros((n, 0)),
-        final_observations=np.array(lengths, dtype=np.float32)[:, None],
-        observations=np.tile(steps, (n, 1))[:, :, None],
-        actions=np.tile(steps[:-1], (n, 1)),
-    )
+    observations = np.tile(steps, (n, 1))[:, :, None]
+    return rollouts_of(observations, lengths, actions=np.tile(steps[:-1], (n, 1)))
 
 
 @pytest.mark.parametrize("n_steps", [(2, 3), (5, 3), (2, 9), (7, 7)], ids=str)

@@ -3,22 +3,16 @@ import pytest
 from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from padded_rollouts import rollouts_of
 
-from curiosity_algos import Rollouts
 from curiosity_algos.motivations.novelty import NoveltyMotivation, behavior_size, behaviors_of
 
 
 def make_rollouts(behaviors, final_observations=None):
     n = len(behaviors)
     finals = np.zeros((n, 3)) if final_observations is None else final_observations
-    return Rollouts(
-        returns=np.zeros(n),
-        lengths=np.ones(n, dtype=np.int64),
-        success=np.zeros(n, dtype=bool),
-        terminated=np.zeros(n, dtype=bool),
-        behaviors=np.asarray(behaviors, dtype=np.float64),
-        final_observations=np.asarray(finals, dtype=np.float32),
-    )
+    observations = np.repeat(np.array(finals, dtype=np.float32)[:, None], 2, axis=1)
+    return rollouts_of(observations, np.ones(n, int), behaviors=np.array(behaviors))
 
 
 def brute_force(seen, behaviors, k):

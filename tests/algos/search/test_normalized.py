@@ -3,9 +3,9 @@ import pytest
 from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
+from padded_rollouts import rollouts_of
 
 from curiosity_algos.evaluation.mlp import act, build_mlp
-from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.canonical import CanonicalSearch
 from curiosity_algos.search.normalized import (
     SMALLEST_DEVIATION,
@@ -33,24 +33,11 @@ def make_search(net_arch=(5,), seed=0):
 
 
 def make_rollouts(lengths=(7, 2, 9), seed=0):
-    lengths = np.array(lengths)
-    n, longest = len(lengths), lengths.max()
-    rng = np.random.default_rng(seed)
-    seen = CENTERS + SCALES * rng.normal(size=(n, longest + 1, N_INPUTS))
-    seen = seen.astype(np.float32)
+    noise = np.random.default_rng(seed).normal(size=(len(lengths), max(lengths) + 1, N_INPUTS))
+    seen = (CENTERS + SCALES * noise).astype(np.float32)
     for each, length in zip(seen, lengths, strict=True):
         each[length:] = np.nan  # no policy acts on the last observation, or on padding
-    zeros = np.zeros(n)
-    return Rollouts(
-        zeros,
-        lengths,
-        zeros > 0,
-        zeros > 0,
-        np.zeros((n, 0)),
-        final_observations=seen[:, 0],
-        observations=seen,
-        actions=np.zeros((n, longest, 2), dtype=np.float32),
-    )
+    return rollouts_of(seen, lengths)
 
 
 def acted_on(rollouts):

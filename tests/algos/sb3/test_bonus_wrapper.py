@@ -193,14 +193,13 @@ class TestRewards:
             play(venv, 4)
         assert len(venv.buffer) == 2 * max(n - 1, 0)
 
-    @pytest.mark.parametrize(("value", "extrinsic"), [(np.inf, False)])
-    def test_a_reward_that_is_not_finite_is_named(self, value, extrinsic):
+    def test_a_reward_that_is_not_finite_is_named(self):
         class Broken(Count):
             def step(self, action):
                 observation, _, *others = super().step(action)
-                return observation, value if self.n == 3 else 0.0, *others
+                return observation, np.inf if self.n == 3 else 0.0, *others
 
-        venv = wrap(make_venv(env=Broken), extrinsic=extrinsic)
+        venv = wrap(make_venv(env=Broken), extrinsic=False)
         with pytest.raises(ValueError, match="`env` must give finite rewards, it gave NaN"):
             play(venv, 4)
         assert len(venv.buffer) == 4

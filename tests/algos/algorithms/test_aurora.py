@@ -79,13 +79,12 @@ def test_it_needs_no_behaviors(make_model):
     assert model.archive.stats.obj_max == model.best_return
 
 
-def test_every_setting_has_an_effect(make_model, make_easy_maze):
+def test_settings_that_a_model_keeps_have_an_effect(make_model, make_easy_maze):
     def asked(**changes):
         return make_model(AURORA, make_easy_maze(), **changes).learn(3000)._ask()
 
     plain = asked()
-    changes = {"latent_size": 2, "trajectory_share": 0.1, "archive_size": 3, "batch_size": 3}
-    changes |= {"training_interval": 1, "n_epochs": 5, "ae_learning_rate": 0.1}
+    changes = {"latent_size": 2, "trajectory_share": 0.1}
     assert not [n for n, value in changes.items() if np.array_equal(plain, asked(**{n: value}))]
 
 

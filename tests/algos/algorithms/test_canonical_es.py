@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from curiosity_algos import CanonicalES
 from curiosity_algos.search.canonical import recombination_weights
@@ -24,18 +23,3 @@ def test_the_center_learns_to_reach_the_goal(make_model, make_easy_maze):
     model.learn(60_000)
     after = model.evaluator.evaluate(model._ask()).returns.mean()
     assert after > before + 0.2
-
-
-def test_the_paper_divides_the_step(make_model, make_easy_maze):
-    moved = []
-    for step in ("canonical", "paper"):
-        model = make_model(CanonicalES, make_easy_maze(), sigma=0.2, n_parents=3, step=step)
-        center = model._search.center.copy()
-        moved.append(np.linalg.norm(model.learn(1)._search.center - center))
-    assert moved[1] == pytest.approx(moved[0] / (0.2 * 3))
-
-
-def test_mirrored_sampling_reaches_the_search(make_model, make_maze):
-    model = make_model(CanonicalES, make_maze(), mirrored_sampling=True)
-    deviations = model._ask() - model._search.center
-    np.testing.assert_allclose(deviations[3:], -deviations[:3], atol=1e-6)

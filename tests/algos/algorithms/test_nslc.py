@@ -119,13 +119,6 @@ def test_an_archive_tells_novelty(make_model, make_easy_maze):
         make_model(NSLC, make_easy_maze(), **FINAL, archive=own)
 
 
-@pytest.mark.parametrize("changes", [{"k": 1}, {"n_parents": 6}, {"archive_size": 5}], ids=str)
-def test_every_setting_has_an_effect(make_model, make_easy_maze, changes):
-    plain = make_model(NSLC, make_easy_maze(), **FINAL).learn(3000)
-    changed = make_model(NSLC, make_easy_maze(), **(FINAL | changes)).learn(3000)
-    assert not np.array_equal(plain._ask(), changed._ask())
-
-
 def test_errors_name_the_argument(make_model, make_maze):
     for name, value in {"n_parents": 7, "k": 0, "archive_size": 0, "behavior": "x"}.items():
         with pytest.raises(ValueError, match=f"`{name}` must be"):

@@ -48,11 +48,5 @@ def duplicate(request):
     return request.param
 
 
-@pytest.fixture(name="assert_identical")
-def assert_identical_fixture():
-    return assert_identical
-
-
-@pytest.fixture(name="run")
-def run_fixture():
-    return run
+assert_identical_fixture = pytest.fixture(name="assert_identical")(lambda: assert_identical)
+run_fixture = pytest.fixture(name="run")(lambda: run)

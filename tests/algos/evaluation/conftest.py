@@ -1,12 +1,12 @@
 """The oracle of every evaluator: a plain loop over one env."""
 
 import numpy as np
-import pytest
 
 from curiosity_algos.evaluation.coverage import coverage_grid
 from curiosity_algos.evaluation.flat_spaces import FlatActions
 from curiosity_algos.evaluation.mlp import act
 from curiosity_algos.evaluation.rollouts import Rollouts
+from tests.algos.conftest import as_fixture
 
 
 def play(env, mlp, parameters, seed=None):
@@ -68,16 +68,6 @@ def assert_same_rollouts(one, other):
         np.testing.assert_array_equal(one.actions[i, :length], other.actions[i, :length])
 
 
-@pytest.fixture(name="play")
-def play_fixture():
-    return play
-
-
-@pytest.fixture(name="assert_equal_episodes")
-def assert_equal_episodes_fixture():
-    return assert_equal_episodes
-
-
-@pytest.fixture(name="assert_same_rollouts")
-def assert_same_rollouts_fixture():
-    return assert_same_rollouts
+play_fixture = as_fixture(play)
+assert_equal_episodes_fixture = as_fixture(assert_equal_episodes)
+assert_same_rollouts_fixture = as_fixture(assert_same_rollouts)

@@ -117,13 +117,6 @@ def test_mazes_within_a_time_limit_run_compiled(kind, make_easy_maze, play, asse
     assert rollouts.success.any()
 
 
-def test_mazes_of_different_limits_are_not_taken_for_one():
-    makers = [lambda n=n: wrappers.TimeLimit(gym.make(HARD), n) for n in (5, 7)]
-    evaluator = make_evaluator(DummyVecEnv(makers), SMALL)
-    rollouts = evaluator.evaluate(np.zeros((2, evaluator.n_parameters)))
-    np.testing.assert_array_equal(rollouts.lengths, [5, 7])
-
-
 WRAPPED = [
     lambda: VecMonitor(VecNormalize(make_vec_env("CartPole-v1", 1))),
     lambda: VecFrameStack(make_vec_env("CartPole-v1", 1), 2),

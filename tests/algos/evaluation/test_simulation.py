@@ -68,15 +68,6 @@ class TestRandomStarts:
         for threads in (1, 2):
             assert_same_rollouts(whole, evaluate(env, mlp, parameters, threads, seed=5))
 
-    def test_equal_those_of_the_generic_evaluator(self, assert_same_rollouts):
-        keywords = {"horizon": 60, "random_start": True}
-        env, mlp, parameters = make("BallInCup", 5, **keywords)
-        expected = evaluate(env, mlp, parameters, seed=6)
-        for mode in ("vector_entry_point", "sync"):
-            kind = {"num_envs": 2, "vectorization_mode": mode}
-            generic = VectorEvaluator(gym.make_vec(env.spec.id, **kind, **keywords), mlp)
-            assert_same_rollouts(expected, generic.evaluate(parameters, seed=6))
-
     def test_are_not_taken_for_fixed_ones(self):
         envs = DummyVecEnv(
             [lambda r=r: make("BallInCup", random_start=r)[0] for r in (True, False)]

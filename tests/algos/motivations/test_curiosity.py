@@ -7,19 +7,6 @@ from recorder import Recorder
 
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 
-GIVEN = {
-    "n_states": None,
-    "gamma": 0.9,
-    "bonus": "icm",
-    "bonus_kwargs": {"beta": 0.7, "hidden": 8},
-    "n_transitions": 3,
-    "n_updates": 2,
-    "batch_size": 5,
-    "buffer_size": 40,
-}
-SPACE = spaces.Box(-1, 1, (4,))
-ACTIONS = [spaces.Box(-1, 1, (2,)), spaces.Discrete(6)]
-
 
 class PartsRecorder(Recorder):
     """Tells all parts of a transition apart."""
@@ -42,11 +29,8 @@ def make_motivation(bonus=None, *, action_space=None, **changes):
     )
 
 
-class Boundless(PartsRecorder):
+class Boundless(Recorder):
     """A bonus without a number."""
-
-    def score_trajectory(self, observations, actions):
-        return np.full(len(actions), np.nan)
 
     def score(self, observations, actions, next_observations):
         return np.full(len(observations), np.nan)
@@ -173,10 +157,6 @@ class TestUpdate:
 
 
 class TestMaking:
-    def make(self, action_space=ACTIONS[0], **changes):
-        settings = GIVEN | {"seed": 0, "device": "cpu"} | changes
-        return CuriosityMotivation(SPACE, action_space, **settings)
-
     @pytest.mark.parametrize(
         ("name", "value", "message"),
         [
@@ -189,7 +169,7 @@ class TestMaking:
     )
     def test_errors_name_the_argument(self, name, value, message):
         with pytest.raises(ValueError, match=message):
-            self.make(**{name: value})
+            make_motivation(**{name: value})
 
     def test_spaces_are_enough(self):
         observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))

@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from ribs.emitters import EvolutionStrategyEmitter, GaussianEmitter, IsoLineEmitter
@@ -20,56 +22,19 @@ def make_archive(dtype, kind=SparseGridArchive):
     return kind(**settings, dims=[20, 20], ranges=[(-3, 3)] * 2, seed=0)
 
 
-def make_strategy(es, **changes):
-    def make(archive, seed):
-        return EvolutionStrategyEmitter(
-            archive,
-            x0=np.zeros(N_PARAMETERS),
-            sigma0=0.3,
-            es=es,
-            **({"ranker": "2imp", "restart_rule": 5} | changes),
-            batch_size=BATCH,
-            seed=seed,
-        )
-
-    return make
-
-
-def make_gaussian(archive, seed):
-    return GaussianEmitter(
-        archive, sigma=0.3, x0=np.zeros(N_PARAMETERS), batch_size=BATCH, seed=seed
-    )
-
-
-def make_iso_line(archive, seed):
-    return IsoLineEmitter(archive, x0=np.zeros(N_PARAMETERS), batch_size=BATCH, seed=seed)
-
-
-def make_tournament(archive, seed):
-    return TournamentEmitter(
-        archive,
-        score=lambda elites: elites["objective"],
-        tournament_size=3,
-        sigma=0.3,
-        x0=np.zeros(N_PARAMETERS),
-        batch_size=BATCH,
-        seed=seed,
-    )
-
-
-def make_pareto(archive, seed):
-    x0 = np.zeros(N_PARAMETERS, dtype=np.float32)
-    return ParetoEmitter(archive, x0=x0, sigma=0.3, n_parents=3, batch_size=BATCH, seed=seed)
-
-
+COMMON = {"x0": np.zeros(N_PARAMETERS), "batch_size": BATCH}
+MUTATED = COMMON | {"sigma": 0.3}
+STRATEGY = COMMON | {"sigma0": 0.3, "ranker": "2imp", "restart_rule": 5}
+FILTER = {"es": "sep_cma_es", "selection_rule": "filter", "restart_rule": "basic"}
+TOURNAMENT = {"score": lambda elites: elites["objective"], "tournament_size": 3}
 EMITTERS = {
-    "gaussian": make_gaussian,
-    "iso_line": make_iso_line,
-    "tournament": make_tournament,
-    "pareto": make_pareto,
-    **{es: make_strategy(es) for es in STRATEGIES},
-    "random_direction": make_strategy("cma_es", ranker="2rd"),
-    "filter": make_strategy("sep_cma_es", selection_rule="filter", restart_rule="basic"),
+    "gaussian": partial(GaussianEmitter, **MUTATED),
+    "iso_line": partial(IsoLineEmitter, **COMMON),
+    "tournament": partial(TournamentEmitter, **MUTATED, **TOURNAMENT),
+    "pareto": partial(ParetoEmitter, **MUTATED, n_parents=3),
+    **{es: partial(EvolutionStrategyEmitter, **STRATEGY, es=es) for es in STRATEGIES},
+    "random_direction": partial(EvolutionStrategyEmitter, **(STRATEGY | {"ranker": "2rd"})),
+    "filter": partial(EvolutionStrategyEmitter, **(STRATEGY | FILTER)),
 }
 
 
@@ -101,7 +66,7 @@ class TestEmitters:
     )
     def test_they_go_on_in_every_bit(self, name, n_generations, dtype, assert_same):
         archives = [make_archive(dtype, kind_of_archive(name)) for _ in range(2)]
-        one, other = (EMITTERS[name](each, seed) for seed, each in enumerate(archives))
+        one, other = (EMITTERS[name](each, seed=seed) for seed, each in enumerate(archives))
         live(one, n_generations)
         other.ask()  # what it did before leaves no trace
         archives[1].load_state_dict(archives[0].state_dict())

@@ -1,26 +1,15 @@
 """What `import curiosity_algos` brings with it, and that nothing is missing for it."""
 
-import pathlib
 import pickle
-import subprocess
-import sys
 
 import pytest
+from scripts import run_python
 
 import curiosity_algos
 import curiosity_gym
 
-ROOT = pathlib.Path(__file__).parents[2]
 WITH_ARCHIVES = ["AURORA", "CMAME", "CuriosityMAPElites", "MAPElites", "NSLC"]
 HEAVY = ["ribs", "sklearn", "pandas", "matplotlib", "numpy_groupies", "scipy.stats"]
-
-
-def run(code):
-    """What a fresh process prints."""
-    ran = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return ran.stdout.strip()
 
 
 def test_without_archives_no_pyribs():
@@ -40,7 +29,7 @@ NSES.load(file)
 import curiosity_algos.cli, curiosity_algos.experiments
 print("ribs" in sys.modules)
 """
-    assert run(code).splitlines() == ["[]", "False"]
+    assert run_python(code).splitlines() == ["[]", "False"]
 
 
 def test_the_command_lists_names_without_what_is_slow_to_import():
@@ -57,7 +46,7 @@ for asked in ("--help", "--version", "list"):
 slow = ("torch", "stable_baselines3", "pandas", "matplotlib", "ribs", "sklearn")
 print([name for name in slow if name in sys.modules])
 """
-    *printed, imported = run(code).splitlines()
+    *printed, imported = run_python(code).splitlines()
     assert {"Environments:", curiosity_gym.__version__} < set(printed)
     assert imported == "[]"
 
@@ -74,7 +63,7 @@ all_of_them = {{}}
 exec("from curiosity_algos import *", all_of_them)
 print(*all_of_them)
 """
-    loaded, by_name, public = map(str.split, run(code).splitlines())
+    loaded, by_name, public = map(str.split, run_python(code).splitlines())
     assert loaded == ["MAPElites"]
     assert by_name == WITH_ARCHIVES
     assert set(curiosity_algos.__all__) <= set(public)

@@ -1,17 +1,13 @@
 import multiprocessing
 import os
 import pickle
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
+from scripts import ROOT, run_python
 
 from curiosity_gym.compiled import ThreadPool, compiled
-
-ROOT = Path(__file__).parents[2]
 
 
 @compiled
@@ -96,13 +92,10 @@ def scale(value):
 SCALE_ONE = "from package.scale import scale; print(scale(1.0))"
 
 
-def run_python(code, path, **environment):
+def run_with(code, path, **variables):
     """What a fresh interpreter prints that finds packages in `path` first."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path)), **environment}
-    command = [sys.executable, "-c", code]
-    result = subprocess.run(command, env=environment, capture_output=True, text=True, cwd="/")
-    assert result.returncode == 0, result.stderr
-    return result.stdout.strip()
+    path = {"PYTHONPATH": os.pathsep.join(map(str, path))}
+    return run_python(code, env={**os.environ, **path, **variables}, cwd="/").strip()
 
 
 class TestMachineCodeOnDisk:
@@ -118,7 +111,7 @@ class TestMachineCodeOnDisk:
         folder = {"NUMBA_CACHE_DIR": str(package.parent / "cache")}
         path = [package.parent, ROOT]
         code = f"{SCALE_ONE}; print(*map(len, (scale.stats.cache_hits, scale.stats.cache_misses)))"
-        printed = [run_python(code, path, **folder) for _ in range(2)]
+        printed = [run_with(code, path, **folder) for _ in range(2)]
         assert printed == ["2.0\n0 1", "2.0\n1 0"]
         factor = package / "factor.py"
         before = factor.stat()
@@ -129,12 +122,12 @@ class TestMachineCodeOnDisk:
             with index.open("rb+") as file:
                 pickle.load(file)
                 file.write(b"cgone\nGone\n.")
-        assert run_python(SCALE_ONE, path, **folder) == "3.0"
+        assert run_with(SCALE_ONE, path, **folder) == "3.0"
 
     def test_is_not_kept_for_modules_outside_packages(self, tmp_path):
         folder = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
         (tmp_path / "scale.py").write_text(SCALE.replace("package.", ""))
         for factor in (2.0, 3.0):
             (tmp_path / "factor.py").write_text(FACTOR.format(factor))
-            printed = run_python(SCALE_ONE.replace("package.", ""), [tmp_path, ROOT], **folder)
+            printed = run_with(SCALE_ONE.replace("package.", ""), [tmp_path, ROOT], **folder)
             assert printed == str(factor)

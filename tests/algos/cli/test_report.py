@@ -5,20 +5,6 @@ import pathlib
 import pytest
 from PIL import Image
 
-SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
-
-
-def test_a_run_is_reported(run_here, tmp_path):
-    words = ["--algo", "nslc", "--env", "CuriosityMaze-US-v0", "-n", "3e3", *SMALL]
-    status, _, errors = run_here("train", *words)
-    assert status == 0, errors
-    status, printed, errors = run_here("report", "runs", "--out", "new/page.html")
-    assert status == 0, errors
-    assert printed == f"1 run on 1 environment: {pathlib.Path('new', 'page.html')}\n"
-    text = (tmp_path / "new" / "page.html").read_text()
-    assert text.startswith("<!DOCTYPE html>")
-    assert "NSLC" in text
-
 
 @pytest.mark.parametrize(
     ("words", "message"),
@@ -40,7 +26,7 @@ def test_a_mistake_is_one_line(words, message, refused, tmp_path):
     assert not (tmp_path / "report.html").exists()
 
 
-def test_plot_draws_what_was_trained(run_here, tmp_path):
+def test_what_was_trained_is_drawn_and_reported(run_here, tmp_path):
     words = ["--algos", "map_elites,nslc", "--seeds", "0,1", "-n", "3000", "--jobs", "1"]
     words += ["--env-kwargs", "horizon:50", "--hyperparams", "population_size:8"]
     assert run_here("sweep", *words)[0] == 0
@@ -52,3 +38,7 @@ def test_plot_draws_what_was_trained(run_here, tmp_path):
     status, printed, errors = run_here("plot", "runs/NSLC", "--out", "nslc.svg")
     assert (status, printed) == (0, "nslc.svg\n"), errors
     assert (tmp_path / "nslc.svg").read_bytes().startswith(b"<?xml")
+    page = pathlib.Path("new", "page.html")
+    status, printed, errors = run_here("report", "runs/NSLC", "--out", str(page))
+    assert (status, printed) == (0, f"2 runs on 1 environment: {page}\n"), errors
+    assert (tmp_path / page).read_text().startswith("<!DOCTYPE html>")

@@ -15,19 +15,10 @@ from saved_files import latest_checkpoint
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from curiosity_algos import (
-    AURORA,
-    CMAME,
-    NSES,
-    NSLC,
-    CanonicalES,
-    CuriosityES,
-    CuriosityMAPElites,
-    MAPElites,
-)
+from curiosity_algos import CuriosityES, MAPElites
 from curiosity_algos.state.file import read
+from tests.algos.conftest import SETTINGS
 
-OTHERS = [AURORA, CMAME, CanonicalES, CuriosityMAPElites, MAPElites, NSES, NSLC]
 ROOT = pathlib.Path(__file__).parents[2]
 
 KILLER = """
@@ -239,17 +230,12 @@ def test_ctrl_c_leaves_a_model_that_resumes(
 @pytest.mark.parametrize(
     "algorithm",
     [
-        CuriosityES,
-        *(pytest.param(each, marks=pytest.mark.nightly) for each in OTHERS),
+        pytest.param(each, marks=[] if each is CuriosityES else pytest.mark.nightly)
+        for each in SETTINGS
     ],
 )
 def test_a_process_killed_ten_times_ends_in_the_run_that_never_was(
-    algorithm,
-    kill_ten_times,
-    make_model,
-    make_easy_maze,
-    tmp_path,
-    assert_same_run,
+    algorithm, kill_ten_times, make_model, make_easy_maze, tmp_path, assert_same_run
 ):
     kill_ten_times(algorithm, tmp_path)
     for path in tmp_path.glob("*.zip"):

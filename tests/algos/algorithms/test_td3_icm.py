@@ -158,5 +158,3 @@ class TestFiles:
         assert TD3ICM(HARD, buffer_size=10).preset is None
         TD3ICM.from_preset("paper", HARD, buffer_size=10).save(tmp_path / "model")
         assert TD3ICM.load(tmp_path / "model").preset == "paper"
-        with pytest.raises(ValueError, match="not for CuriosityMaze-Labyrinth-v0"):
-            TD3ICM.from_preset("paper", "CuriosityMaze-Labyrinth-v0")

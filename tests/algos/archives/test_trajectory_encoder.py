@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from padded_rollouts import rollouts_of
 from saved_files import through_a_file
+from torch_threads import heavy_threads
 
 from curiosity_algos.archives.trajectory_encoder import EvenStates, TrajectoryEncoder
 
@@ -119,23 +120,14 @@ class TestTraining:
         np.testing.assert_allclose(scales["0.mean"], rows.mean(axis=0), rtol=1e-9)
         np.testing.assert_allclose(scales["0.variance"], rows.var(axis=0), rtol=1e-6)
 
-    def test_torchs_own_draws_and_threads_stay(self):
+    def test_it_has_one_of_torchs_threads_and_none_of_its_draws(self):
         states, before = make_states(), th.get_rng_state()
-        th.set_num_threads(2)
-        encoder = make_encoder(states=states, n_epochs=1)
-        encoder.train(states)
-        encoder.encode(states)
-        assert th.equal(before, th.get_rng_state())
-        assert th.get_num_threads() == 2
-
-    def test_threads_change_no_bit(self):
-        states, latents = make_states(), []
-        for n_threads in (1, 4):
-            th.set_num_threads(n_threads)
-            encoder = make_encoder(states=states, n_epochs=3)
+        with heavy_threads() as threads:
+            encoder = make_encoder(states=states, n_epochs=1)
             encoder.train(states)
-            latents.append(encoder.encode(states))
-        np.testing.assert_array_equal(*latents)
+            encoder.encode(states)
+        assert threads == {1}
+        assert th.equal(before, th.get_rng_state())
 
     def test_seeds_decide(self):
         states = make_states()

@@ -1,6 +1,7 @@
 """Each of Stable-Baselines3's algorithms as a run: trained, described, gone on with, and played."""
 
 import itertools
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -219,12 +220,9 @@ class TestPlayed:
         assert play(tmp_path, seed=0, trust=True) == played
 
     def test_a_policy_with_classes_needs_trust(self, tmp_path):
-        kwargs = {"activation_fn": th.nn.ReLU}
-        run = small("PPO")
-        train(
-            RunSpec("PPO", US, 0, 60, run.env_kwargs, {**run.settings, "policy_kwargs": kwargs}),
-            tmp_path,
-        )
+        run = small("PPO", timesteps=60)
+        kwargs = {"policy_kwargs": {"activation_fn": th.nn.ReLU}}
+        train(replace(run, settings={**run.settings, **kwargs}), tmp_path)
         with pytest.raises(ValueError, match="`trust` must be given"):
             play(tmp_path, seed=0)
         assert play(tmp_path, seed=0, trust=True) == 0.0

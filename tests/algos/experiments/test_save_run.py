@@ -393,16 +393,13 @@ def test_the_last_row_is_there_whatever_was_logged(make_model, make_easy_maze, f
 
 
 class TestLock:
-    def fail(self, make_model, make_easy_maze, save):
-        with pytest.raises(KilledError):
-            make_model(MAPElites, make_easy_maze()).learn(600, [save, Kill(1)])
-
     @pytest.mark.parametrize("is_used_again", [False, True])
     def test_after_an_error_the_folder_is_locked_again(
         self, make_model, make_easy_maze, folder, is_used_again
     ):
         kept = SaveRun(folder)  # as a notebook keeps what has failed
-        self.fail(make_model, make_easy_maze, kept)
+        with pytest.raises(KilledError):
+            make_model(MAPElites, make_easy_maze()).learn(600, [kept, Kill(1)])
         save = kept if is_used_again else SaveRun(folder)
         locked = []
 

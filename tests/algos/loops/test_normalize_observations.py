@@ -13,24 +13,13 @@ def model(request, make_model, make_easy_maze):
     return make_model(request.param, make_easy_maze(), normalize_observations=True)
 
 
-def test_a_run_that_is_loaded_goes_on_bit_for_bit(model, make_easy_maze, tmp_path):
-    model.learn(2000).save(tmp_path / "model")
-    loaded = type(model).load(tmp_path / "model", env=make_easy_maze())
-    for each in (model, loaded):
-        each.learn(2000, reset_num_timesteps=False)
-    np.testing.assert_array_equal(model._search.center, loaded._search.center)
-    np.testing.assert_array_equal(model.policy.vector, loaded.policy.vector)
+def test_a_run_that_is_loaded_goes_on_bit_for_bit(model, make_easy_maze, assert_resumes):
+    assert_resumes(model.learn(2000), make_easy_maze(), timesteps=2000)
 
 
-def test_threads_do_not_matter(model, make_model, make_easy_maze):
+def test_threads_and_blocks_do_not_matter(model, make_model, make_easy_maze):
     settings = {"normalize_observations": True, "n_threads": 3}
     other = make_model(type(model), make_easy_maze(), **settings)
-    centers = [each.learn(4000)._search.center for each in (model, other)]
-    np.testing.assert_array_equal(*centers)
-
-
-def test_blocks_do_not_matter(model, make_model, make_easy_maze):
-    other = make_model(type(model), make_easy_maze(), normalize_observations=True)
     other.evaluator.block_size = 2
     centers = [each.learn(4000)._search.center for each in (model, other)]
     np.testing.assert_array_equal(*centers)

@@ -351,18 +351,6 @@ def rows_of(space, batch):
     return list(gym.vector.utils.iterate(gym.vector.utils.batch_space(space, 1), batch))
 
 
-def assert_equal(one, other):
-    """Tensors or arrays, or dictionaries of such, of one type."""
-    assert type(one) is type(other)
-    if isinstance(one, dict):
-        assert one.keys() == other.keys()
-        for key in one:
-            assert_equal(one[key], other[key])
-    else:
-        assert one.dtype == other.dtype
-        np.testing.assert_array_equal(one, other)
-
-
 @pytest.mark.parametrize("name", OFF_POLICY)
 class TestOtherSpaces:
     def fill(self, space, n_steps, *buffers):
@@ -376,7 +364,7 @@ class TestOtherSpaces:
         return seen
 
     @pytest.mark.parametrize("n_envs", [1, 4])
-    def test_samples_are_sb3s_own(self, name, n_envs):
+    def test_samples_are_sb3s_own(self, name, n_envs, assert_same):
         space, _ = OFF_POLICY[name]
         kind = DictReplayBuffer if isinstance(space, spaces.Dict) else ReplayBuffer
         theirs = kind(40, space, ACTIONS, "cpu", n_envs)
@@ -390,8 +378,7 @@ class TestOtherSpaces:
         drawn = copy.deepcopy(ours)._draw(30)
         sample, theirs_sample = ours.sample(30), _at(theirs, *np.divmod(drawn, n_envs))
         assert type(sample) is type(theirs_sample)
-        for one, other in zip(sample[:5], theirs_sample[:5], strict=True):
-            assert_equal(one, other)
+        assert_same(sample[:5], theirs_sample[:5])
 
     def test_the_bonus_sees_vectors(self, name):
         space, _ = OFF_POLICY[name]

@@ -10,16 +10,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from benchmarks import (
-    bonuses,
-    figures,
-    kept,
-    learning,
-    opening,
-    results,
-    tables,
-    unseen,
-)
+from benchmarks import bonuses, figures, kept, learning, opening, results, tables, unseen
 from curiosity_algos import CanonicalES
 from curiosity_algos.experiments import (
     RunFolder,

@@ -14,16 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from benchmarks import (
-    baselines,
-    figures,
-    gallery,
-    hold,
-    learning,
-    pretrained,
-    roaming,
-    run,
-)
+from benchmarks import baselines, figures, gallery, hold, learning, pretrained, roaming, run
 from benchmarks.measure import Row, Table, interleave, number
 from curiosity_algos import make_evaluator
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv

@@ -17,16 +17,7 @@ from PIL import Image
 
 from benchmarks import paper_figures, projection
 from benchmarks.paper_figures import EPISODES, generation_return, show_final_states, show_mazes
-from benchmarks.plan import (
-    BUDGETS,
-    COMPARED,
-    CONTROL,
-    MAZES,
-    SMOKE_GOALS,
-    Plan,
-    Series,
-    series_of,
-)
+from benchmarks.plan import BUDGETS, COMPARED, CONTROL, MAZES, SMOKE_GOALS, Plan, Series, series_of
 from benchmarks.projection import (
     N_STATES,
     Projection,

@@ -7,12 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from curiosity_gym.built_in import BUILT_IN
-from curiosity_gym.layouts import (
-    GOAL_RADIUS,
-    MazeLayout,
-    closest_approach,
-    reachable_cells,
-)
+from curiosity_gym.layouts import GOAL_RADIUS, MazeLayout, closest_approach, reachable_cells
 
 FIELDS = {
     "name": "room",

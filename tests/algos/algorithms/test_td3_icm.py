@@ -22,21 +22,13 @@ def test_defaults_are_the_papers():
     widths = [layer.out_features for layer in model.actor.mu if isinstance(layer, th.nn.Linear)]
     assert widths == [32, 32, 2]
     assert model.critic.q_networks[0][0].out_features == 32
-    assert (model.learning_rate, model.gamma, model.batch_size, model.tau) == (
-        5e-5,
-        0.99,
-        128,
-        5e-3,
-    )
+    assert (model.learning_rate, model.gamma, model.batch_size) == (5e-5, 0.99, 128)
+    assert model.tau == 5e-3
     assert (model.learning_starts, model.buffer_size, model.gradient_steps) == (10_000, 10**6, -1)
     assert (model.train_freq.frequency, model.train_freq.unit.value) == (1, "episode")
     buffer = model.replay_buffer
-    assert (buffer.n_updates, buffer.batch_size, buffer.weight, buffer.gamma) == (
-        64,
-        128,
-        0.5,
-        None,
-    )
+    assert (buffer.n_updates, buffer.batch_size, buffer.weight) == (64, 128, 0.5)
+    assert buffer.gamma is None
     assert buffer.bonus.optimizer.param_groups[0]["lr"] == 6e-6
     noise = np.array([model.action_noise() for _ in range(4000)])
     assert noise.std(axis=0) == pytest.approx([0.1, 0.1], rel=0.05)

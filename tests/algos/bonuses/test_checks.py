@@ -6,11 +6,7 @@ import pytest
 
 from curiosity_algos.bonuses import checks
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.bonuses.checks import (
-    check_bonus,
-    learn_tiny_mdp,
-    tiny_mdp,
-)
+from curiosity_algos.bonuses.checks import check_bonus, learn_tiny_mdp, tiny_mdp
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.make import BONUSES
 

@@ -4,11 +4,7 @@ import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_algos.common.networks import (
-    RunningNormalizer,
-    single_torch_thread,
-    torch_device,
-)
+from curiosity_algos.common.networks import RunningNormalizer, single_torch_thread, torch_device
 
 
 @settings(deadline=None)

@@ -11,11 +11,7 @@ from saved_files import through_a_file
 
 from curiosity_algos import CuriosityES
 from curiosity_algos.common.generators import generator_state, load_generator_state
-from curiosity_algos.common.randomness import (
-    global_state,
-    load_global_state,
-    reseed,
-)
+from curiosity_algos.common.randomness import global_state, load_global_state, reseed
 
 
 @given(st.integers(0, 2**64), st.integers(0, 9))

@@ -9,11 +9,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 from tracked import Tracked
 
 from curiosity_algos import CanonicalES
-from curiosity_algos.evaluation.environments import (
-    env_attribute,
-    env_id,
-    step_limit,
-)
+from curiosity_algos.evaluation.environments import env_attribute, env_id, step_limit
 
 
 def make_scaled():

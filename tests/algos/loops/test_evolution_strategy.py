@@ -78,16 +78,8 @@ class Climber:
 
 
 def canonical(n_parameters, seed):
-    return CanonicalSearch(
-        n_parameters,
-        population_size=56,
-        n_parents=28,
-        sigma=0.3,
-        learning_rate=2.0,
-        step="canonical",
-        mirrored=False,
-        seed=seed,
-    )
+    sizes = {"population_size": 56, "n_parents": 28, "sigma": 0.3, "learning_rate": 2.0}
+    return CanonicalSearch(n_parameters, **sizes, step="canonical", mirrored=False, seed=seed)
 
 
 class TestSearch:

@@ -7,12 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from curiosity_algos import NSES, CuriosityES
-from curiosity_algos.motivations.fitness import (
-    HIGHEST,
-    Fitness,
-    check_phi,
-    standardize,
-)
+from curiosity_algos.motivations.fitness import HIGHEST, Fitness, check_phi, standardize
 
 SEED = np.random.SeedSequence(0)
 STRATEGIES = pytest.mark.parametrize("algorithm", [CuriosityES, NSES])

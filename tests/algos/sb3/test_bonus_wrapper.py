@@ -8,11 +8,7 @@ from saved_files import with_entry
 from sb3_contrib import TQC
 from stable_baselines3 import A2C, PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.vec_env import (
-    DummyVecEnv,
-    VecFrameStack,
-    VecNormalize,
-)
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
 import curiosity_algos
 from curiosity_algos.curiosity.curiosity import BonusScale

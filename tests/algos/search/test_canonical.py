@@ -12,14 +12,8 @@ from curiosity_algos.search.canonical import (
 
 
 def make_search(n_parameters=5, seed=0, **changes):
-    settings = {
-        "population_size": 8,
-        "n_parents": 3,
-        "sigma": 0.5,
-        "learning_rate": 0.7,
-        "step": "canonical",
-        "mirrored": False,
-    }
+    settings = {"population_size": 8, "n_parents": 3, "sigma": 0.5, "learning_rate": 0.7}
+    settings |= {"step": "canonical", "mirrored": False}
     return CanonicalSearch(n_parameters, **(settings | changes), seed=np.random.SeedSequence(seed))
 
 

@@ -7,10 +7,7 @@ from padded_rollouts import rollouts_of
 
 from curiosity_algos.evaluation.mlp import act, build_mlp
 from curiosity_algos.search.canonical import CanonicalSearch
-from curiosity_algos.search.normalized import (
-    SMALLEST_DEVIATION,
-    NormalizedSearch,
-)
+from curiosity_algos.search.normalized import SMALLEST_DEVIATION, NormalizedSearch
 
 N_INPUTS = 3
 SCALES, CENTERS = np.array([0.1, 1.0, 30.0]), np.array([-1.0, 0.0, 100.0])
@@ -19,17 +16,9 @@ SCALES, CENTERS = np.array([0.1, 1.0, 30.0]), np.array([-1.0, 0.0, 100.0])
 def make_search(net_arch=(5,), seed=0):
     inputs = spaces.Box(-np.inf, np.inf, (N_INPUTS,), np.float32)
     mlp = build_mlp(inputs, spaces.Box(-1.0, 1.0, (2,), np.float32), net_arch)
-    search = CanonicalSearch(
-        mlp.n_parameters,
-        population_size=4,
-        n_parents=2,
-        sigma=0.5,
-        learning_rate=1.0,
-        step="canonical",
-        mirrored=False,
-        seed=np.random.SeedSequence(seed),
-    )
-    return NormalizedSearch(search, mlp), mlp
+    settings = {"population_size": 4, "n_parents": 2, "sigma": 0.5, "learning_rate": 1.0}
+    settings |= {"step": "canonical", "mirrored": False, "seed": np.random.SeedSequence(seed)}
+    return NormalizedSearch(CanonicalSearch(mlp.n_parameters, **settings), mlp), mlp
 
 
 def make_rollouts(lengths=(7, 2, 9), seed=0):

@@ -9,13 +9,7 @@ from gymnasium.spaces import Box, Discrete
 from ribs.emitters import GaussianEmitter
 from stable_baselines3.common.callbacks import BaseCallback
 
-from curiosity_algos import (
-    CMAME,
-    NSES,
-    NSLC,
-    RND,
-    CuriosityES,
-)
+from curiosity_algos import CMAME, NSES, NSLC, RND, CuriosityES
 from tests.algos.conftest import SETTINGS
 
 NO_SETTINGS = {"env", "policy", "evaluator", "verbose", "tensorboard_log"}

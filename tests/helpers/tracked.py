@@ -1,5 +1,7 @@
 """An environment that is counted while it is open, and that raises where it is asked to."""
 
+import builtins
+
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
@@ -26,7 +28,7 @@ class Tracked(gym.Env):
 
     def _fail_in(self, method):
         if self.fails == method:
-            raise {"TypeError": TypeError, "RuntimeError": RuntimeError}[self.error]("its own")
+            raise getattr(builtins, self.error)("its own")
 
     def reset(self, *, seed=None, options=None):
         self._fail_in("reset")

@@ -12,7 +12,6 @@ import time
 import traceback
 
 import gymnasium as gym
-import numpy as np
 import pytest
 from filelock import FileLock
 
@@ -145,62 +144,32 @@ def test_a_mistake_is_one_line(words, message, refused, tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-class Broken(gym.Env):
-    """Raises at a place: as it is made, reset or stepped."""
-
-    observation_space = gym.spaces.Box(-1, 1, (1,))
-    action_space = gym.spaces.Box(-1, 1, (1,))
-
-    def __init__(self, place="init", kind="ValueError"):
-        self.place, self.kind = place, kind
-        self.fail("init")
-
-    def fail(self, place):
-        if place == self.place:
-            raise getattr(builtins, self.kind)("the simulator")
-
-    def reset(self, *, seed=None, options=None):
-        self.fail("reset")
-        return np.zeros(1, np.float32), {}
-
-    def step(self, action):
-        self.fail("step")
-        return np.zeros(1, np.float32), 0.0, True, False, {}
-
-
 class TestErrorsOfAnEnvironment:
     """Whatever their type, and wherever they arise, they keep their traceback."""
 
-    @pytest.fixture(autouse=True)
-    def registered(self):
-        gym.register("Broken-v0", Broken)
-        yield
-        del gym.registry["Broken-v0"]
-
     def words(self, place, kind):
-        keywords = ["--env-kwargs", f"place:{place}", "--env-kwargs", f"kind:{kind}"]
-        return ["-n", "64", *keywords]
+        return ["-n", "64", "--env-kwargs", f"fails:{place}", "--env-kwargs", f"error:{kind}"]
 
     @pytest.mark.parametrize("kind", ["ValueError", "ImportError"])
     @pytest.mark.parametrize("algo", ["ppo", "canonical_es"])
-    def test_that_cannot_be_made(self, algo, kind, monkeypatch):
-        words = [*self.words("init", kind), "--algo", algo, "--env", "Broken-v0"]
+    def test_that_cannot_be_made(self, algo, kind, tracked, monkeypatch):
+        words = [*self.words("__init__", kind), "--algo", algo, "--env", tracked]
         monkeypatch.setattr(sys, "argv", ["curiosity", "train", *words])
-        with pytest.raises(Exception, match="the simulator") as raised:
+        with pytest.raises(Exception, match="its own") as raised:
             main()
-        assert "in fail\n" in "".join(traceback.format_exception(raised.value))
+        assert "in _fail_in\n" in "".join(traceback.format_exception(raised.value))
 
     @pytest.mark.parametrize(("place", "kind"), [("reset", "OSError"), ("step", "ValueError")])
-    def test_that_breaks(self, place, kind, run_here, tmp_path):
+    def test_that_breaks(self, place, kind, tracked, run_here, tmp_path):
         words = [*self.words(place, kind), "-f", str(tmp_path), "--hyperparams", "n_steps:64"]
-        with pytest.raises(getattr(builtins, kind), match="the simulator") as raised:
-            run_here("train", "--algo", "ppo", "--env", "Broken-v0", *words)
-        error = tmp_path / "PPO" / "Broken-v0" / "0" / "error.txt"
+        with pytest.raises(getattr(builtins, kind), match="its own") as raised:
+            run_here("train", "--algo", "ppo", "--env", tracked, *words)
+        error = tmp_path / "PPO" / tracked / "0" / "error.txt"
         assert raised.value.__notes__ == [f"traceback in {error}"]
         assert f"in {place}" in error.read_text()
-        words += ["--algos", "ppo", "--envs", "Broken-v0", "--seeds", "0", "--jobs", "1"]
+        words += ["--algos", "ppo", "--envs", tracked, "--seeds", "0", "--jobs", "1"]
         errors = run_here("sweep", *words)[2]
-        assert errors.endswith(f"0: the simulator (traceback in {error})\n")
+        assert errors.endswith(f"0: its own (traceback in {error})\n")
 
 
 class TestSweep:

@@ -38,18 +38,10 @@ if TYPE_CHECKING:
     from curiosity_algos.robust.measure import evaluate_starts as evaluate_starts
     from curiosity_algos.robust.robustify import robustify as robustify
     from curiosity_algos.robust.starts import DemonstrationStarts as DemonstrationStarts
-    from curiosity_algos.sb3.bonus_wrapper import (
-        BonusVecEnvWrapper as BonusVecEnvWrapper,
-    )
-    from curiosity_algos.sb3.bonus_wrapper import (
-        ICMVecEnvWrapper as ICMVecEnvWrapper,
-    )
-    from curiosity_algos.sb3.callbacks import (
-        BonusCheckpointCallback as BonusCheckpointCallback,
-    )
-    from curiosity_algos.sb3.callbacks import (
-        ExplorationCallback as ExplorationCallback,
-    )
+    from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper as BonusVecEnvWrapper
+    from curiosity_algos.sb3.bonus_wrapper import ICMVecEnvWrapper as ICMVecEnvWrapper
+    from curiosity_algos.sb3.callbacks import BonusCheckpointCallback as BonusCheckpointCallback
+    from curiosity_algos.sb3.callbacks import ExplorationCallback as ExplorationCallback
     from curiosity_algos.sb3.callbacks import FinalBehaviors as FinalBehaviors
     from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv as GymnasiumVecEnv
     from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer as BonusReplayBuffer

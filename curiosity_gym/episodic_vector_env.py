@@ -19,12 +19,7 @@ from gymnasium.wrappers import TimeLimit
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.episodic_env import EpisodicEnv
 from curiosity_gym.fixed import COMMON, FixedSettings
-from curiosity_gym.validation import (
-    as_float32,
-    check_at_least_one,
-    check_render_mode,
-    check_seed,
-)
+from curiosity_gym.validation import as_float32, check_at_least_one, check_render_mode, check_seed
 
 
 class EpisodicVectorEnv(FixedSettings, VectorEnv[FloatArray, Float32Array, Mask]):

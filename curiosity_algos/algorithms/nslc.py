@@ -21,12 +21,7 @@ from curiosity_algos.loops.quality_diversity import Fields, FieldTypes, QualityD
 from curiosity_algos.motivations.curiosity import CuriosityMotivation
 from curiosity_algos.motivations.novelty import BEHAVIORS, behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
-from curiosity_gym.validation import (
-    LARGEST_COUNT,
-    check_at_least_one,
-    check_choice,
-    check_whole,
-)
+from curiosity_gym.validation import LARGEST_COUNT, check_at_least_one, check_choice, check_whole
 
 LEARNED = "learned"
 FINAL = "final_observation"

@@ -130,7 +130,7 @@ class TrajectoryEncoder:
             batch = self._inputs(states[rows.numpy()])
             loss = th.nn.functional.mse_loss(self._decoder(self._encoder(batch)), batch)
             self._optimizer.zero_grad(set_to_none=True)
-            loss.backward()  # type: ignore[no-untyped-call]
+            loss.backward()
             self._optimizer.step()
             losses.append(loss.item())
         return float(np.mean(losses))

@@ -234,7 +234,7 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
         """The losses of a batch; the gradient of "loss" goes where the optimizer finds it."""
         losses = self.losses(before, actions, after)
         self.optimizer.zero_grad(set_to_none=True)
-        losses["loss"].backward()  # type: ignore[no-untyped-call]  # torch has no hints there
+        losses["loss"].backward()
         return {name: loss.item() for name, loss in losses.items()}
 
     # Torch's hints are of its overloads and of a plain module's tensors: the optimizer is in here.

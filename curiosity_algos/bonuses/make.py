@@ -94,7 +94,7 @@ def _check_fits(
     if isinstance(action_space, spaces.Box):
         actions = np.clip([[-1.0], [1.0]], action_space.low, action_space.high).astype(np.float32)
     else:
-        actions = np.array([0, action_space.n - 1])  # type: ignore[attr-defined]  # a Discrete
+        actions = np.array([0, spaces.flatdim(action_space) - 1])  # of a Discrete
     scorer = bonus.episodes(2) or bonus
     try:
         shape = np.shape(scorer.score(observations, actions, observations))

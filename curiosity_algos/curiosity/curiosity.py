@@ -18,12 +18,7 @@ from curiosity_algos.common.kept import Kept
 from curiosity_algos.common.networks import check_gradients, single_torch_thread
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
-from curiosity_gym.validation import (
-    check_at_least_one,
-    check_bool,
-    check_not_negative,
-    check_share,
-)
+from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative, check_share
 
 EPSILON, LARGEST = 1e-8, 10.0
 """Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""

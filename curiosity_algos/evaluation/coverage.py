@@ -103,9 +103,9 @@ def coverage_grid(env: EnvObject) -> CoverageGrid | None:
 
     None where that has no bounds, or so many dimensions that 64 bits cannot number the cells.
     """
-    grid = env_attribute(env, "coverage_grid")
+    grid: CoverageGrid | None = env_attribute(env, "coverage_grid")
     if grid is not None:
-        return grid  # type: ignore[no-any-return]
+        return grid
     space = _own_behavior_space(env)
     if space is None or not space.is_bounded():
         return None

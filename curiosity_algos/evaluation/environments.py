@@ -25,9 +25,7 @@ from curiosity_algos.evaluation.flat_spaces import (
 )
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
-VECTOR_KEYWORDS = {
-    *("autoreset_mode", "num_envs", "vector_kwargs", "vectorization_mode", "wrappers"),
-}
+VECTOR_KEYWORDS = {"autoreset_mode", "num_envs", "vector_kwargs", "vectorization_mode", "wrappers"}
 """Keywords in the spec of a vector environment that a single one does not take."""
 
 EnvObject = gym.Env[Any, Any] | VectorEnv[Any, Any, Any] | VecEnv

@@ -13,12 +13,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 from curiosity_algos.common.arrays import Array, Float32Array
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_algos.evaluation.batches import (
-    Batch,
-    GymnasiumBatch,
-    Sb3Batch,
-    SingleEnvBatch,
-)
+from curiosity_algos.evaluation.batches import Batch, GymnasiumBatch, Sb3Batch, SingleEnvBatch
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.coverage import coverage_grid, goal_space
 from curiosity_algos.evaluation.environments import (

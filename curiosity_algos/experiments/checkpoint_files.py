@@ -30,10 +30,7 @@ from stable_baselines3.common.vec_env import (
 
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.common.generators import generator_state, load_generator_state
-from curiosity_algos.common.randomness import (
-    global_state,
-    load_global_state,
-)
+from curiosity_algos.common.randomness import global_state, load_global_state
 from curiosity_algos.experiments.run_folder import write_arrays
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper

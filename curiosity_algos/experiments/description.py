@@ -22,11 +22,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.evaluation.coverage import behavior_space
-from curiosity_algos.evaluation.environments import (
-    VECTOR_KEYWORDS,
-    GymnasiumView,
-    env_attribute,
-)
+from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView, env_attribute
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper

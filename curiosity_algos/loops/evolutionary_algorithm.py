@@ -32,16 +32,8 @@ from curiosity_algos.evaluation.arguments import (
 )
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.coverage import behavior_space
-from curiosity_algos.evaluation.environments import (
-    GymnasiumView,
-    SingleVecEnv,
-    describe,
-    open_env,
-)
-from curiosity_algos.evaluation.evaluator import (
-    AnyEnv,
-    check_policy_kwargs,
-)
+from curiosity_algos.evaluation.environments import GymnasiumView, SingleVecEnv, describe, open_env
+from curiosity_algos.evaluation.evaluator import AnyEnv, check_policy_kwargs
 from curiosity_algos.evaluation.mlp import build_mlp
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer

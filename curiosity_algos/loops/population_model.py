@@ -37,12 +37,7 @@ from curiosity_algos.evaluation.environments import (
 )
 from curiosity_algos.evaluation.evaluator import AnyEnv, as_played, known_task, make_evaluator
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.loops.declared import (
-    Setting,
-    name_in_presets,
-    take_declared,
-    whole_signature,
-)
+from curiosity_algos.loops.declared import Setting, name_in_presets, take_declared, whole_signature
 from curiosity_algos.loops.model_file import (
     NO_SETTINGS,
     OF_DAMAGE,

@@ -14,12 +14,7 @@ from stable_baselines3.common.preprocessing import get_action_dim
 
 from curiosity_algos.bonuses.base import Bonus, NetworkBonus, check_scores
 from curiosity_algos.bonuses.buffer import TransitionBuffer
-from curiosity_algos.bonuses.transitions import (
-    EvenlySpaced,
-    draw_transitions,
-    evenly_spaced,
-    flat,
-)
+from curiosity_algos.bonuses.transitions import EvenlySpaced, draw_transitions, evenly_spaced, flat
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.common.networks import single_torch_thread

@@ -86,7 +86,7 @@ class Imitation:
             batch = self._noisy(chosen, draws)
             _, log_prob, _ = policy.evaluate_actions(batch, self._actions[chosen])
             optimizer.zero_grad()
-            (-log_prob.mean()).backward()  # type: ignore[no-untyped-call]
+            (-log_prob.mean()).backward()
             optimizer.step()
 
     def _noisy(self, chosen: th.Tensor, draws: np.random.Generator) -> Any:

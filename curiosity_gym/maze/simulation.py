@@ -10,15 +10,7 @@ from gymnasium import spaces
 from curiosity_gym.compiled import ThreadPool, compiled
 from curiosity_gym.core import CoverageGrid, Float32Array, Float64Array, FloatArray, Frame, Mask
 from curiosity_gym.layouts import ROBOT_RADIUS, MazeLayout, are_free, reachable_cells
-from curiosity_gym.maze.dynamics import (
-    DT,
-    MARGIN,
-    N_BASE_FEATURES,
-    Maze,
-    draw_start,
-    observe,
-    step,
-)
+from curiosity_gym.maze.dynamics import DT, MARGIN, N_BASE_FEATURES, Maze, draw_start, observe, step
 from curiosity_gym.simulation import BaseSimulation, Ids, Options, Rngs, Values
 
 ENVS_PER_THREAD = 128

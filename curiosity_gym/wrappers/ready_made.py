@@ -115,7 +115,7 @@ class _StableMaze(gym.Wrapper[Any, Any, Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         result = self.env.step(action)
-        counts = self.unwrapped.data.warning.number  # type: ignore[attr-defined]
+        counts = self.get_wrapper_attr("data").warning.number
         if np.count_nonzero(counts):
             (mujoco,) = import_extra("robotics", "mujoco")
             raise SimulationError.of(mujoco.mjtWarning(int(counts.argmax())))
@@ -150,7 +150,7 @@ def _maze_position(env: BareEnv, observation: Any, info: dict[str, Any]) -> Floa
 
 def _maze_bounds(env: BareEnv) -> spaces.Box:
     """The maze's extent, with its outer walls."""
-    maze = env.unwrapped.maze  # type: ignore[attr-defined]
+    maze = env.get_wrapper_attr("maze")
     high = np.array([maze.x_map_center, maze.y_map_center])
     return spaces.Box(-high, high, dtype=np.float64)
 

@@ -10,11 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from curiosity_algos.experiments.measures import (
-    first_of,
-    first_timesteps,
-    times_to_first,
-)
+from curiosity_algos.experiments.measures import first_of, first_timesteps, times_to_first
 from curiosity_algos.experiments.statistics import (
     LEAST_RUNS,
     interquartile_mean,

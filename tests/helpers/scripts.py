@@ -30,6 +30,16 @@ def run_python(code, **given):
     return ran.stdout
 
 
+def run_without_display(code, **environment):
+    """What a fresh interpreter prints, and what it complains of; forks are no complaint."""
+    # From 3.12 on Python warns of every fork of a process that has threads.
+    command = [sys.executable, "-W", "ignore:This process:DeprecationWarning", "-c", code]
+    kept = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
+    given = {"env": kept | environment, "capture_output": True, "text": True, "timeout": 300}
+    ran = subprocess.run(command, check=False, **given)
+    return ran.stdout, ran.stderr
+
+
 def run_script(script, folder, arguments=()):
     """What a script prints in a folder, in a process that has our packages imported already."""
     context = multiprocessing.get_context("forkserver")

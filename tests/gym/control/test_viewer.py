@@ -1,18 +1,14 @@
 import importlib
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from scripts import run_without_display
 from suite import make_actions
 
 from curiosity_gym.control.control_env import ControlEnv, ControlVectorEnv
 
 pytestmark = pytest.mark.extra("control")
-
-FORKS = "ignore:This process:DeprecationWarning"
-"""From 3.12 on Python warns of every fork of a process that has threads."""
 
 
 def has_opengl():
@@ -27,20 +23,6 @@ def has_opengl():
 
 
 needs_opengl = pytest.mark.skipif(not has_opengl(), reason="neither EGL nor OSMesa is here")
-
-
-def run_python(code, **environment):
-    """What a fresh interpreter prints, and what it complains of."""
-    kept = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
-    ran = subprocess.run(
-        [sys.executable, "-W", FORKS, "-c", code],
-        env=kept | environment,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    return ran.stdout, ran.stderr
 
 
 RENDER = """
@@ -107,11 +89,11 @@ class TestFrames:
 
 @needs_opengl
 def test_an_env_that_is_never_closed_leaves_no_noise():
-    assert run_python(RENDER) == ("(240, 320, 3)\n", "")
+    assert run_without_display(RENDER) == ("(240, 320, 3)\n", "")
 
 
 def test_a_library_that_does_not_work_is_named_in_one_sentence():
-    printed, complaint = run_python(RENDER, MUJOCO_GL="glfw")
+    printed, complaint = run_without_display(RENDER, MUJOCO_GL="glfw")
     assert complaint == ""
     assert printed.count("\n") == 1
     assert "set MUJOCO_GL to egl, osmesa or" in printed
@@ -136,7 +118,7 @@ def test_a_forked_process_is_told_rather_than_hung():
         + "    raise SystemExit(0)\n"
         + "print(os.waitpid(child, 0)[1])\n"
     )
-    printed, complaint = run_python(code)
+    printed, complaint = run_without_display(code)
     first, new, inherited, status = printed.splitlines()
     assert "spawn" in new
     assert inherited == new
@@ -165,7 +147,7 @@ def test_forked_processes_may_forget_what_has_drawn():
         + "        exec(act)\n"
         + "    print(os.waitpid(child, 0)[1])\n"
     )
-    assert run_python(code) == ("(240, 320, 3)\n" + "0\n" * len(acts), "")
+    assert run_without_display(code) == ("(240, 320, 3)\n" + "0\n" * len(acts), "")
 
 
 @needs_opengl

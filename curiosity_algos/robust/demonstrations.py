@@ -13,11 +13,11 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.flat_spaces import stack
+from curiosity_algos.evaluation.found import N_FOUND, is_success
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import bonus_wrapper
-from curiosity_algos.sb3.found_episodes import N_FOUND, is_success
 from curiosity_algos.state import file
 from curiosity_gym import RecordEpisode
 

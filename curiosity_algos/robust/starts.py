@@ -12,8 +12,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper,
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.evaluation.found import is_success
 from curiosity_algos.robust.demonstrations import Demonstration, Start
-from curiosity_algos.sb3.found_episodes import is_success
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_seed, check_share
 

@@ -9,15 +9,8 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.evaluation.found import BestEpisodes, is_success
 from curiosity_algos.state.episodes import are_recorded
-
-N_FOUND = 10
-"""Episodes that are kept."""
-
-
-def is_success(info: Mapping[str, Any], total: float) -> bool:
-    """Whether an episode succeeded, by its last info, or else by its return."""
-    return bool(info.get("is_success", total > 0.0))
 
 
 class FoundEpisodes:
@@ -27,15 +20,14 @@ class FoundEpisodes:
         venv: The environments, each in a `RecordEpisode`; of others nothing is kept.
 
     Attributes:
-        episodes: The best first: of each `total`, its return, `start`, the seed of its reset or the
-            state of its environment's generator before it, and `actions`.
+        best: The episodes.
     """
 
     def __init__(self, venv: VecEnv) -> None:
         self._venv = venv
         self._is_recorded = are_recorded(venv.unwrapped)
         self._totals = np.zeros(venv.num_envs)
-        self.episodes: list[dict[str, Any]] = []
+        self.best = BestEpisodes()
 
     def see(self, rewards: Array, dones: Array, infos: Sequence[Mapping[str, Any]]) -> None:
         """See a step of every environment."""
@@ -46,13 +38,16 @@ class FoundEpisodes:
         self._totals[dones] = 0.0
 
     def _add(self, i: int, total: float) -> None:
-        if len(self.episodes) == N_FOUND and total <= self.episodes[-1]["total"]:
+        if not self.best.takes(total):
             return
         episode = self._venv.env_method("last_episode", indices=i)[0]
-        if episode is None or episode["options"] is not None:
-            return
-        kept = {"total": total, "start": episode["start"], "actions": episode["actions"]}
-        self.episodes = sorted([*self.episodes, kept], key=lambda each: -each["total"])[:N_FOUND]
+        if episode is not None and episode["options"] is None:
+            self.best.add(total, episode["start"], episode["actions"])
+
+    @property
+    def episodes(self) -> list[dict[str, Any]]:
+        """The best first, see `BestEpisodes`."""
+        return self.best.episodes
 
     def end(self) -> None:
         """All open episodes end without an outcome, as by a reset."""
@@ -60,8 +55,9 @@ class FoundEpisodes:
 
     def state_dict(self) -> dict[str, Any]:
         """The episodes, and the returns of the open ones so far."""
-        return {"episodes": self.episodes, "totals": self._totals.copy()}
+        return {**self.best.state_dict(), "totals": self._totals.copy()}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
-        self.episodes, self._totals[:] = list(state["episodes"]), state["totals"]
+        self.best.load_state_dict(state)
+        self._totals[:] = state["totals"]

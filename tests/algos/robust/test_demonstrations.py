@@ -9,6 +9,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from walk import Right, Walk
 
 from curiosity_algos import BonusVecEnvWrapper
+from curiosity_algos.evaluation.found import N_FOUND
 from curiosity_algos.robust.demonstrations import (
     demonstrate,
     demonstrations_of,
@@ -16,7 +17,6 @@ from curiosity_algos.robust.demonstrations import (
     load_demonstrations,
     save_demonstrations,
 )
-from curiosity_algos.sb3.found_episodes import N_FOUND
 from curiosity_gym import RecordEpisode
 
 

@@ -14,11 +14,11 @@ from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.archives.unstructured import UnstructuredArchive
-from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
-from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer, check_observations
+from curiosity_algos.common.arrays import Float32Array, Float64Array
+from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 from curiosity_algos.loops.declared import setting
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes, QualityDiversity
-from curiosity_algos.motivations.curiosity import CuriosityMotivation
+from curiosity_algos.motivations.learned_behavior import LearnedBehavior
 from curiosity_algos.motivations.novelty import BEHAVIORS, behavior_size, behaviors_of
 from curiosity_algos.search.emitters import ParetoEmitter
 from curiosity_gym.validation import LARGEST_COUNT, check_at_least_one, check_choice, check_whole
@@ -26,7 +26,6 @@ from curiosity_gym.validation import LARGEST_COUNT, check_at_least_one, check_ch
 LEARNED = "learned"
 FINAL = "final_observation"
 """The field of an elite that its learned behavior is measured from."""
-N_FEATURES = 8
 
 
 class NSLC(QualityDiversity):
@@ -75,7 +74,7 @@ class NSLC(QualityDiversity):
 
     def _measure_dim(self, space: spaces.Box[Any] | None) -> int:
         if self._is_learned:
-            return N_FEATURES
+            return LearnedBehavior.n_features
         check_choice((*BEHAVIORS, LEARNED), behavior=self.behavior)
         return behavior_size(self.behavior, self.observation_space, space)
 
@@ -87,12 +86,9 @@ class NSLC(QualityDiversity):
         if self._is_learned:
             self._check_begins_empty()
             seed, encoder_seed = seed.spawn(2)
-            self._encoder = CuriosityMotivation(
+            self._encoder = LearnedBehavior(
                 self.policy.seen.space,
                 self.policy.acted.space,
-                bonus="apt",
-                # No distance is asked for, and so nothing remembered.
-                bonus_kwargs={"n_features": N_FEATURES, "memory_size": 1},
                 seed=encoder_seed,
                 device=self.device,
                 n_threads=self.n_threads,
@@ -118,7 +114,7 @@ class NSLC(QualityDiversity):
         return {**super()._fields(rollouts), **own}
 
     def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
-        return self._encoder.learning(n_individuals) if self._is_learned else {}
+        return self._encoder.summarizers(n_individuals) if self._is_learned else {}
 
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return ParetoEmitter(
@@ -144,23 +140,9 @@ class NSLC(QualityDiversity):
 
     def _measures(self, rollouts: Rollouts) -> Float64Array:
         if self._is_learned:
-            return self._features_of(rollouts.final_observations)
+            return self._encoder.of(rollouts.final_observations)
         return behaviors_of(rollouts, self.behavior)
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
-        losses = self._learn(rollouts) if self._is_learned else {}
+        losses = self._encoder.learn(rollouts, self.archive, FINAL) if self._is_learned else {}
         return {**super()._tell(rollouts), **losses}
-
-    def _learn(self, rollouts: Rollouts) -> Mapping[str, float]:
-        """Train the encoder, and measure the elites with what it has learned."""
-        losses = self._encoder.update(rollouts)
-        if len(self.archive):
-            self.archive.set_measures(self._features_of(self.archive.data(FINAL)))
-        return losses
-
-    def _features_of(self, observations: Array) -> Float64Array:
-        """Behaviors (n, N_FEATURES) of final observations (n, O)."""
-        check_observations(observations)
-        bonus: Any = self._encoder.bonus
-        measures: Float64Array = bonus.features(observations.astype(np.float32))
-        return measures

@@ -57,7 +57,7 @@ def test_elites_are_measured_anew_as_the_encoder_learns(make_model, make_easy_ma
     elites = model.archive.data()
     n_generations = len(set(elites["seed"]))
     assert n_generations > 1  # the encoder has learned since the first of them
-    anew = model._features_of(elites["final_observation"])
+    anew = model._encoder.of(elites["final_observation"])
     np.testing.assert_allclose(elites["measures"], anew, rtol=1e-4, atol=1e-5)
 
 
@@ -79,12 +79,12 @@ def test_what_is_far_in_time_is_far_and_noise_is_not():
     model = NSLC(Line(), behavior="learned", seed=0, n_threads=1)
     rng = np.random.default_rng(0)
     for _ in range(20):
-        losses = model._encoder.update(walks(rng))
+        losses = model._encoder.learn(walks(rng), model.archive, "final_observation")
     assert losses.keys() == {"apt/loss"}
     places = np.zeros((3, 3))
     places[:, 0] = -40.0, 0.0, 40.0
-    here, middle, there = model._features_of(places)
-    noise = model._features_of(np.add(places[:1], [0.0, 1.0, -1.0]))[0]
+    here, middle, there = model._encoder.of(places)
+    noise = model._encoder.of(np.add(places[:1], [0.0, 1.0, -1.0]))[0]
     assert here.shape == (8,)
     near, far = np.linalg.norm(here - middle), np.linalg.norm(here - there)
     assert far > 1.1 * near  # 1.27, and 1.05 to 1.75 with other seeds

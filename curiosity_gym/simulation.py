@@ -57,6 +57,11 @@ class BaseSimulation:
 
     @property
     @abstractmethod
+    def behaviors(self) -> Float64Array:
+        """(n, B) the behavior of each episode, clipped to its bounds; a new array."""
+
+    @property
+    @abstractmethod
     def info(self) -> Values:
         """Entries of the infos at any time, new arrays (n, ...), the behavior among them."""
 

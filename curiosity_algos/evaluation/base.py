@@ -40,7 +40,21 @@ class KnownTask:
         return same_maze(self.task, other.task) if is_maze else bool(self.task == other.task)
 
 
-class Evaluator(ABC):
+class Player:
+    """Plays episodes of an environment.
+
+    Attributes:
+        known: The maze, task or robot, if it plays that without the environment.
+        local: The evaluator that each process of a cluster has one like; None: there is no cluster.
+        n_live: Processes of a cluster that have played the last generation; None: there is none.
+    """
+
+    known: KnownTask | None = None
+    local: Evaluator | None = None
+    n_live: int | None = None
+
+
+class Evaluator(Player, ABC):
     """Plays one episode with each policy of a population.
 
     Attributes:
@@ -48,18 +62,12 @@ class Evaluator(ABC):
         block_size: Most policies of a block; None: any number.
         batch_size: Policies that must play side by side, so that their episodes are reproducible.
         draws: Whether episodes begin at random, by the seed.
-        known: The maze, task or robot, if it plays that without the environment.
-        local: The evaluator that each process of a cluster has one like; None: there is no cluster.
-        n_live: Processes of a cluster that have played the last generation; None: there is none.
     """
 
     n_parameters: int
     block_size: int | None = None
     batch_size: int = 1
     draws: bool = True
-    known: KnownTask | None = None
-    local: Evaluator | None = None
-    n_live: int | None = None
 
     @abstractmethod
     def evaluate(self, parameters: Float32Array, seed: int | None = None) -> Rollouts:

@@ -52,6 +52,10 @@ class MlpPolicy(BasePolicy):
         """The flat parameter vector (n_parameters,), a view; writes go through."""
         return self.flat.numpy()
 
+    def arrays(self) -> dict[str, Any]:
+        """What makes the policy again, beside its spaces."""
+        return {"parameters": self.vector, "net_arch": self.net_arch}
+
     def predict(
         self,
         observation: Any,

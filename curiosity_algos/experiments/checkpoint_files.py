@@ -83,8 +83,7 @@ def write_model(
             pickle.dump(normalize, file)  # as its `save` does, which leaves it in the cache
     if isinstance(model, EvolutionaryAlgorithm):
         best = {
-            "parameters": model.policy.vector,
-            "net_arch": model.policy.net_arch,
+            **model.policy.arrays(),
             "return": np.array(model.best_return),
         }
         if model.best_episode_seed is not None:

@@ -26,6 +26,7 @@ from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.model_file import load_policy
+from curiosity_algos.robust.demonstrations import actor
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
@@ -138,10 +139,10 @@ def play(
 def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[float]:
     """0 at the reset, then the reward of each step; at most 10,000 steps without a limit."""
     observation, _ = env.reset(seed=seed)
+    act = actor(policy)
     yield 0.0
     for _ in range(most_steps(env)):
-        action, _ = policy.predict(observation, deterministic=True)
-        observation, reward, terminated, truncated, _ = env.step(action)
+        observation, reward, terminated, truncated, _ = env.step(act(observation))
         yield float(reward)
         if terminated or truncated:
             return

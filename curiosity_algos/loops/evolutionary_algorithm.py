@@ -101,17 +101,17 @@ class EvolutionaryAlgorithm(PopulationModel):
         for name, one in self._declared.items():
             value = one.convert(settings.get(name, one.default))
             setattr(self, self._attributes.get(name, name), value)
-        net_arch = check_policy_kwargs(policy_kwargs)
+        policy_kwargs = self._policy_kwargs(policy_kwargs)
         env = open_env(env)
         if env is not None or _init_setup_model:
-            build_mlp(*describe(env), net_arch)
+            build_mlp(*describe(env), policy_kwargs.get("net_arch", ()))
         # Not by name: SB3 has one of its own for policies that observe a Dict.
         policy_class = self._get_policy_from_name(policy) if isinstance(policy, str) else policy
         super().__init__(
             policy_class,
             env,  # type: ignore[arg-type]  # `_wrap_env` takes a VectorEnv too
             learning_rate=getattr(self, "learning_rate", 0.0),
-            policy_kwargs={"net_arch": net_arch},
+            policy_kwargs=policy_kwargs,
             tensorboard_log=tensorboard_log,
             verbose=verbose,
             device=device,
@@ -125,6 +125,10 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._see_env(self.env)
         if _init_setup_model:
             self._setup_model()
+
+    def _policy_kwargs(self, policy_kwargs: dict[str, Any] | None) -> dict[str, Any]:
+        """Those that policies are made with; ValueError for others."""
+        return {"net_arch": check_policy_kwargs(policy_kwargs)}
 
     @abstractmethod
     def _make_search(self, seed: np.random.SeedSequence) -> None:
@@ -317,19 +321,10 @@ class EvolutionaryAlgorithm(PopulationModel):
         self._check_settings()
         self._follow_env()
         self._put_in_force()
-        assert self.evaluator is not None
         assert self.env is not None
-        parameters = self._ask()
-        summarizers = self._summarizers(len(parameters))
-        self._episode_seed = int(self._episode_seeds.integers(2**31))
-        rollouts = self.evaluator.play(parameters, self._episode_seed, summarizers)
+        parameters, rollouts = self._play()
         if self.env.num_envs > 1:  # all had one seed: the next episodes there are to differ again
             self.env.seed(self._episode_seed + 1)
-        if len(rollouts) != len(parameters):
-            raise ValueError(
-                f"`evaluator` must give one episode of each of {len(parameters)} policies, got "
-                f"{len(rollouts)}."
-            )
         rollouts.check(self._behavior_space)
         metrics = self._tell(rollouts)
         self._record(parameters, rollouts)
@@ -350,6 +345,20 @@ class EvolutionaryAlgorithm(PopulationModel):
             "episode_seed": self._episode_seed,
             "intrinsic": self._intrinsic,
         }
+
+    def _play(self) -> tuple[Float32Array, Rollouts]:
+        """A population (P, n_parameters), and an episode of each of its individuals."""
+        assert isinstance(self.evaluator, Evaluator)
+        parameters = self._ask()
+        summarizers = self._summarizers(len(parameters))
+        self._episode_seed = int(self._episode_seeds.integers(2**31))
+        rollouts = self.evaluator.play(parameters, self._episode_seed, summarizers)
+        if len(rollouts) != len(parameters):
+            raise ValueError(
+                f"`evaluator` must give one episode of each of {len(parameters)} policies, got "
+                f"{len(rollouts)}."
+            )
+        return parameters, rollouts
 
     def _record(self, parameters: Float32Array, rollouts: Rollouts) -> None:
         """Update timesteps, the first reward and success, coverage and the best policy."""

@@ -15,7 +15,6 @@ from gymnasium import spaces
 from stable_baselines3.common.utils import check_for_correct_spaces
 
 from curiosity_algos.common.generators import generator_state, load_generator_state
-from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.state.file import StateFile, read
 from curiosity_algos.state.tree import encode
 from curiosity_gym.core import CoverageGrid
@@ -188,16 +187,17 @@ def _see_saved(model: Any, settings: Settings) -> None:
     model._behavior_space, model._coverage_grid = settings.behavior_space, settings.coverage_grid
 
 
-def load_policy(path: StateFile, cls: type[Any], env: Any) -> tuple[MlpPolicy, int]:
+def load_policy(path: StateFile, cls: type[Any], env: Any) -> tuple[Any, int]:
     """The policy of a saved model, without its search, and the seed of its best episode, or 0."""
     file = model_path(path)
     content, state = read(file, cls.__name__)
     settings = read_settings(content, file, cls)
     if own := settings.objects.get("policy"):
         raise ValueError(f"`policy` must be MlpPolicy, it is {own}: load the model.")
+    (policy_class,) = cls.policy_aliases.values()
     seen, acted = settings.observation_space, settings.action_space
     try:
-        policy = MlpPolicy(
+        policy = policy_class(
             env.observation_space if seen is None else seen,
             env.action_space if acted is None else acted,
             **settings.values["policy_kwargs"],

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from curiosity_algos.common.presets import preset_settings
 from curiosity_algos.common.randomness import reseed
 from curiosity_algos.evaluation.arguments import check_keywords_known
-from curiosity_algos.evaluation.base import Evaluator
+from curiosity_algos.evaluation.base import Evaluator, Player
 from curiosity_algos.evaluation.coverage import (
     BestPolicy,
     Coverage,
@@ -71,7 +71,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
 
     preset: str | None
     policy: MlpPolicy
-    evaluator: Evaluator | None
+    evaluator: Player | None
     _evaluator_choice: Evaluator | str
     n_threads: int | None
     __signature__: ClassVar[inspect.Signature]
@@ -164,7 +164,7 @@ class PopulationModel(HasSettings, BaseAlgorithm):
     def _show_best(self) -> None:
         """Let `predict` act with the best policy."""
 
-    def _choose_evaluator(self, choice: Evaluator | str, env: EnvObject) -> Evaluator:
+    def _choose_evaluator(self, choice: Evaluator | str, env: EnvObject) -> Player:
         """The evaluator that an argument `evaluator` asks for; ValueError if it does not fit."""
         if isinstance(choice, str):
             check_choice(("auto", "ray"), evaluator=choice)

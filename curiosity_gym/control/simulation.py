@@ -90,7 +90,6 @@ class Simulation(MujocoSimulation):
 
     @property
     def behaviors(self) -> Float64Array:
-        """(n, B) the behavior of each episode, clipped to its bounds; a new array."""
         behaviors = self.task.behavior(SimpleNamespace(**self._fields))
         return np.clip(behaviors, self.task.behavior_low, self.task.behavior_high)
 

@@ -122,7 +122,6 @@ class LocomotionSimulation(MujocoSimulation):
 
     @property
     def behaviors(self) -> Float64Array:
-        """(n, B) the behavior of each episode, clipped to its bounds; a new array."""
         shares = self._touches / np.maximum(self._steps, 1.0)[:, None]
         return self.task.behavior(self._rows(slice(None)), shares)
 

@@ -115,9 +115,13 @@ class MazeSimulation(BaseSimulation):
         return self.success.copy() if ids is None else self.success[ids]
 
     @property
+    def behaviors(self) -> Float64Array:
+        return self.states.copy()
+
+    @property
     def info(self) -> Values:
         position, velocity = self.states[:, :2].copy(), self.states[:, 2:].copy()
-        return {"position": position, "velocity": velocity, "behavior": self.states.copy()}
+        return {"position": position, "velocity": velocity, "behavior": self.behaviors}
 
     @property
     def state(self) -> Float64Array:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from curiosity_algos.algorithms.curiosity_map_elites import (
         CuriosityMAPElites as CuriosityMAPElites,
     )
+    from curiosity_algos.algorithms.go_explore import GoExplore as GoExplore
     from curiosity_algos.algorithms.map_elites import MAPElites as MAPElites
     from curiosity_algos.algorithms.nses import NSES as NSES
     from curiosity_algos.algorithms.nslc import NSLC as NSLC
@@ -69,6 +70,7 @@ _MODULES = {
     "Disagreement": "bonuses.disagreement",
     "ExplorationCallback": "sb3.callbacks",
     "FinalBehaviors": "sb3.callbacks",
+    "GoExplore": "algorithms.go_explore",
     "GymnasiumVecEnv": "sb3.gymnasium_vec_env",
     "ICMVecEnvWrapper": "sb3.bonus_wrapper",
     "MAPElites": "algorithms.map_elites",

@@ -17,7 +17,8 @@ FLOORS = [
     ["curiosity"],
     ["archives", "motivations", "sb3", "search"],
     ["loops"],
-    ["algorithms", "robust"],
+    ["algorithms"],
+    ["robust"],
     ["experiments"],
     ["cli"],
 ]

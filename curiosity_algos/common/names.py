@@ -15,6 +15,7 @@ ALGORITHMS = (
     "CanonicalES",
     "CuriosityES",
     "CuriosityMAPElites",
+    "GoExplore",
     "MAPElites",
     "NSES",
     "NSLC",

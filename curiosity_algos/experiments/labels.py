@@ -21,6 +21,7 @@ COLORS = {
     "AURORA": "#999933",
     "CuriosityMAPElites": "#882255",
     "CanonicalES": "#777777",
+    "GoExplore": "#000000",
 }
 """Colors of algorithms for the color-blind, too (Paul Tol's vibrant and muted schemes)."""
 FURTHER = ("#332288", "#117733", "#DDCC77", "#CC6677", "#44AA99", "#BBBBBB")

@@ -11,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from curiosity_algos.algorithms.go_explore import GoExplore
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.flat_spaces import stack
 from curiosity_algos.evaluation.found import N_FOUND, is_success
@@ -101,7 +102,8 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
     """Episodes that succeeded, played again.
 
     Args:
-        source: A population algorithm: its best policy and elites in other niches play. An
+        source: A population algorithm: its best policy and elites in other niches play. A
+            `GoExplore`: its best episode. An
             algorithm of Stable-Baselines3 whose `BonusVecEnvWrapper` saw episodes succeed, or the
             wrapper's `found.episodes`. Or a Minari dataset: its best seeded episodes are taken.
         env: Environment like that of the source.
@@ -123,6 +125,8 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
 
 
 def _episodes(source: Any, env: RecordEpisode) -> Iterator[Demonstration]:
+    if isinstance(source, GoExplore):
+        source = source.episodes[:1]  # others lead the same way, and each has a front to move
     if isinstance(source, EvolutionaryAlgorithm):
         return (demonstrate(policy, env, seed) for policy, seed in _policies(source))
     if hasattr(source, "iterate_episodes"):

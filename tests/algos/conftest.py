@@ -18,6 +18,7 @@ from curiosity_algos import (
     CanonicalES,
     CuriosityES,
     CuriosityMAPElites,
+    GoExplore,
     MAPElites,
 )
 from curiosity_gym import BehaviorWrapper, MazeLayout
@@ -33,6 +34,7 @@ SETTINGS = {
     CMAME: SMALL | {"restart_interval": 3},
     AURORA: SMALL | {"archive_size": 20, "training_interval": 2, "n_epochs": 2},
     CuriosityMAPElites: SMALL | SMALL_ICM | {"n_kept": 4, "tournament_size": 3},
+    GoExplore: {"population_size": 6, "n_steps": 20, "archive_size": 50, "seed": 0},
 }
 """Every population algorithm, with what makes its tests fast."""
 SMALL_TD3 = {
@@ -45,7 +47,8 @@ SMALL_TD3 = {
     "batch_size": 8,
     "buffer_size": 300,
 }
-ALL_SETTINGS = SETTINGS | {TD3ICM: SMALL_TD3}
+SMALL_SEARCH = {"population_size": 6, "n_steps": 20, "archive_size": 50, "seed": 0}
+ALL_SETTINGS = SETTINGS | {GoExplore: SMALL_SEARCH, TD3ICM: SMALL_TD3}
 """Every algorithm, the one that learns by gradients too."""
 
 EASY = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])

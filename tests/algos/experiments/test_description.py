@@ -12,7 +12,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecNormalize
 
-from curiosity_algos import TD3ICM, BonusVecEnvWrapper, CanonicalES, MAPElites
+from curiosity_algos import TD3ICM, BonusVecEnvWrapper, CanonicalES, GoExplore, MAPElites
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.description import (
@@ -50,7 +50,8 @@ def test_a_description_has_every_setting_of_the_constructor(algorithm, make_mode
     settings = described["settings"]
     parameters = inspect.signature(algorithm).parameters
     assert settings.keys() == {*parameters, "preset"} - {"env", "seed"}
-    assert settings["policy_kwargs"] == {"net_arch": [4]}
+    net_arch = {} if algorithm is GoExplore else {"net_arch": [4]}
+    assert settings["policy_kwargs"] == net_arch
     for name, parameter in parameters.items():
         if isinstance(parameter.default, float):
             assert isinstance(settings[name], float), name

@@ -17,6 +17,7 @@ SETTLED = {
     *("seed", "device", "n_threads", "policy_kwargs", "normalize_observations", "search"),
     *("archive", "emitters", "bonus", "bonus_kwargs", "buffer_size", "behavior", "n_cells", "es"),
     *("latent_size", "trajectory_share", "n_kept", "stats_window_size"),
+    *("explorer", "is_copied"),
 }
 CHANGES = {
     **{"step": "paper", "mirrored_sampling": True, "phi": 0.3, "no_reward": "random"},

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from curiosity_algos.robust.measure import Starts as Starts
     from curiosity_algos.robust.measure import evaluate_starts as evaluate_starts
     from curiosity_algos.robust.robustify import robustify as robustify
+    from curiosity_algos.robust.solve import solve as solve
     from curiosity_algos.robust.starts import DemonstrationStarts as DemonstrationStarts
     from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper as BonusVecEnvWrapper
     from curiosity_algos.sb3.bonus_wrapper import ICMVecEnvWrapper as ICMVecEnvWrapper
@@ -82,6 +83,7 @@ _MODULES = {
     "load_preset": "common.presets",
     "make_evaluator": "evaluation.evaluator",
     "robustify": "robust.robustify",
+    "solve": "robust.solve",
 }
 """Public name: module that defines it."""
 __all__ = list(_MODULES)

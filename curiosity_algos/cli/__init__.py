@@ -14,6 +14,7 @@ from curiosity_algos.cli.enjoy import enjoy
 from curiosity_algos.cli.export import export
 from curiosity_algos.cli.plot import plot, report
 from curiosity_algos.cli.robustify import robustify
+from curiosity_algos.cli.solve import solve
 from curiosity_algos.cli.sweep import sweep
 from curiosity_algos.common import names
 from curiosity_algos.common.presets import PRESETS
@@ -27,7 +28,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("train")(sweep)
-for command in (robustify, enjoy, export, sweep, plot, report):
+for command in (solve, robustify, enjoy, export, sweep, plot, report):
     app.command()(command)
 
 

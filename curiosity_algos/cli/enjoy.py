@@ -61,13 +61,18 @@ def enjoy(
     elif out is None and has_screen() and starts == 1:
         echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
     else:
-        for name in ("EGL", "OSMesa"):  # MuJoCo draws by these without a screen
-            if not has_screen() and ctypes.util.find_library(name):
-                os.environ.setdefault("MUJOCO_GL", name.lower())
+        draw_off_screen()
         folder = source if isinstance(source, Path) else Path()
         path = folder / "best_policy.gif" if out is None else out
         total = film.film(source, path, stride=stride, seed=seed, n_starts=starts, trust=trust)
         echo(f"Return {total:.3f}: {path}")
+
+
+def draw_off_screen() -> None:
+    """Let MuJoCo draw where there is no screen."""
+    for name in ("EGL", "OSMesa"):
+        if not has_screen() and ctypes.util.find_library(name):
+            os.environ.setdefault("MUJOCO_GL", name.lower())
 
 
 def has_screen() -> bool:

@@ -20,7 +20,9 @@ from curiosity_algos.experiments.film import Source
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.experiments.run_folder import RunFolder
+from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
+from curiosity_algos.experiments.training import train
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.robust.demonstrations import (
     Demonstration,
@@ -30,9 +32,9 @@ from curiosity_algos.robust.demonstrations import (
     save_demonstrations,
 )
 from curiosity_algos.robust.measure import Starts, evaluate_starts, n_different
-from curiosity_algos.robust.robustify import Training
+from curiosity_algos.robust.robustify import Training, check_training
+from curiosity_algos.robust.solve import Enough
 from curiosity_algos.sb3.bonus_wrapper import found_episodes
-from curiosity_gym.validation import check_positive, check_seed, check_share
 
 
 def robustify_run(
@@ -69,9 +71,7 @@ def robustify_run(
         ValueError: If it has found no episode that succeeds, `folder` holds another run, or an
             argument is out of its range.
     """
-    check_positive(timesteps=timesteps, success=success)
-    check_share(success=success)
-    check_seed(seed)
+    check_training(success, seed, timesteps=timesteps)
     save = SaveRun(folder, interval=interval)
     make = _maker(source, trust)
     demonstrations = _demonstrations(source, folder, make)
@@ -90,6 +90,38 @@ def robustify_run(
         starts = evaluate_starts(training.model, env, n_different(env))
     RunFolder(folder).note(starts=starts.counts)
     return starts
+
+
+def solve_run(
+    run: RunSpec,
+    folder: Path,
+    *,
+    n_episodes: int,
+    interval: float = 60.0,
+    progress_bar: bool = False,
+    **training: Any,
+) -> Starts:
+    """Search until so many episodes are found, then train a policy by them, or go on with either.
+
+    Args:
+        run: Run of `GoExplore`.
+        folder: Folder of the search; that of the training is in it.
+        n_episodes: Episodes that end the search, from 1 to 10.
+        interval: Seconds between two checkpoints.
+        progress_bar: Show a bar of timesteps.
+        **training: Arguments of `robustify_run`.
+
+    Returns:
+        As `robustify_run`.
+
+    Raises:
+        ValueError: As `robustify_run`, and if an argument of the search is wrong.
+    """
+    enough, robust = Enough(n_episodes), folder / "robust"
+    if not RunFolder(robust).demonstrations.exists():
+        train(run, folder, interval=interval, progress_bar=progress_bar, enough=enough)
+    training |= {"interval": interval, "progress_bar": progress_bar, "seed": run.seed}
+    return robustify_run(folder, robust, **training)
 
 
 def _is_over(folder: Path, timesteps: float, success: float) -> bool:

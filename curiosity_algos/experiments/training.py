@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.interrupt import HeldInterrupt
@@ -20,6 +21,7 @@ from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.robust.measure import draws_starts, evaluate_starts, in_words
+from curiosity_algos.robust.solve import Enough
 
 
 def is_finished(run: RunSpec, folder: Path) -> bool:
@@ -45,6 +47,7 @@ def train(
     *,
     interval: float = 60.0,
     progress_bar: bool = False,
+    enough: Enough | None = None,
 ) -> bool:
     """Train until the budget is spent, from where the run in the folder stands.
 
@@ -57,6 +60,7 @@ def train(
         folder: Folder of the run.
         interval: Seconds between two checkpoints.
         progress_bar: Show a bar of timesteps.
+        enough: Ends a search before; None: nothing does.
 
     Returns:
         Whether there was anything to do.
@@ -70,9 +74,13 @@ def train(
     checkpoint = RunFolder(folder).checkpoint
     model = run.make() if checkpoint is None else run.load(checkpoint)
     with _env_of(model):
+        if enough is not None and enough.is_over(model):
+            return False
         RunFolder(folder).lock().release()  # raises where another process trains
         with _traceback_kept(folder), closing(save):
-            _learn(model, save, run.timesteps, progress_bar=progress_bar)
+            rest = max(0, int(run.timesteps) - model.num_timesteps)
+            callbacks: list[BaseCallback] = [save, *([] if enough is None else [enough])]
+            _learn(model, save, callbacks, rest, progress_bar=progress_bar)
             _measure_starts(model, run, RunFolder(folder))
     return True
 
@@ -91,11 +99,17 @@ def _traceback_kept(folder: Path) -> Iterator[None]:
         raise
 
 
-def _learn(model: BaseAlgorithm, save: SaveRun, timesteps: float, *, progress_bar: bool) -> None:
-    rest = max(0, int(timesteps) - model.num_timesteps)
+def _learn(
+    model: BaseAlgorithm,
+    save: SaveRun,
+    callbacks: list[BaseCallback],
+    rest: int,
+    *,
+    progress_bar: bool,
+) -> None:
     try:
         with single_torch_thread() if is_baseline(type(model)) else nullcontext():
-            model.learn(rest, save, reset_num_timesteps=False, progress_bar=progress_bar)
+            model.learn(rest, callbacks, reset_num_timesteps=False, progress_bar=progress_bar)
     except HeldInterrupt:  # after a second Ctrl-C a generation would be kept by half
         save.save()
         raise

@@ -84,9 +84,7 @@ def robustify(
     Warns:
         UserWarning: If the front has not moved for two million steps, which ends the training.
     """
-    check_positive(total_timesteps=total_timesteps, success=success)
-    check_share(success=success)
-    check_seed(seed)
+    check_training(success, seed, total_timesteps=total_timesteps)
     make = maker_of(model, env)
     training = Training(
         make,
@@ -103,6 +101,13 @@ def robustify(
         training.learn(total_timesteps, callback, progress_bar=progress_bar)
         stack.pop_all()  # the model steps them further
     return training.model
+
+
+def check_training(success: float, seed: int | None, **timesteps: float) -> None:
+    """Raise ValueError unless a training can have these."""
+    check_positive(**timesteps, success=success)
+    check_share(success=success)
+    check_seed(seed)
 
 
 def _demonstrations(model: Any, make: MakeEnv) -> Sequence[Demonstration]:
@@ -188,11 +193,12 @@ class Training:
         with closing(RecordEpisode(self._make())) as env, single_torch_thread():
             watch = Watch(self.starts, env, success=self._success, seed=self._test_seed)
             bars: list[BaseCallback] = [FrontBar(self.starts)] if progress_bar else []
-            callbacks = [*_as_list(callback), watch, *bars]
+            callbacks = [*as_list(callback), watch, *bars]
             self.model.learn(rest, callbacks, reset_num_timesteps=False)
 
 
-def _as_list(callback: MaybeCallback) -> list[BaseCallback]:
+def as_list(callback: MaybeCallback) -> list[BaseCallback]:
+    """Callbacks as a list."""
     if callback is None or isinstance(callback, list):
         return callback or []
     return [callback if isinstance(callback, BaseCallback) else ConvertCallback(callback)]

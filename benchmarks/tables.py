@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import typer
 
-from benchmarks import hold, paper_tables
+from benchmarks import hold, paper_tables, restored
 from benchmarks.measure import markdown
 from benchmarks.paper import SETTINGS
 from benchmarks.record import read_sections
@@ -41,6 +41,7 @@ PAGES = (
     "docs/index.md",
     *(f"docs/results/{name}.md" for name in RESULTS),
     *("docs/clusters.md", "docs/robustify.md", "docs/where_it_fails.md"),
+    "docs/algorithms/go_explore.md",
     *("docs/paper.md", "docs/paper_claims.md", "docs/paper_today.md"),
 )
 UNSEEN = "locomotion_long_unseen"
@@ -398,6 +399,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "locomotion-long-unseen": partial(make_table, read_rows, UNSEEN, unseen),
     "hold": partial(make_table, read_rows, "hold", hold.table),
+    "restored": partial(make_table, read_rows, "restored", restored.table),
     "summary-of-speed": partial(summary_of, HEADLINES),
     "paper-claims": partial(paper_tables.claims, "paper"),
     "public-claims": partial(paper_tables.claims, "public", "paper"),

@@ -1,0 +1,146 @@
+"""How soon GoExplore finds a goal: `python -m benchmarks.restored run`, some tasks or all.
+
+Its timesteps are explorations alone, as states are restored: they are another problem's than those
+of searches that play every episode from its start. Each run ends with its first success. Runs that
+`restored.csv` has are left alone.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import gymnasium as gym
+import matplotlib.pyplot as plt
+import pandas as pd
+import typer
+
+from benchmarks.figures import IMAGES
+from benchmarks.measure import markdown
+from benchmarks.results import FOLDER, add_rows
+from curiosity_algos import GoExplore
+from curiosity_algos.robust.solve import Enough
+from curiosity_gym.maze.plots import draw_layout
+
+app = typer.Typer(pretty_exceptions_enable=False)
+KEYS = ["task", "behavior", "seed"]
+MAZES = ("Snake", "US", "Hard", "Labyrinth")
+KINDS = ("perfect-8x8", "loops-8x8", "rooms-4x4-door4", "rooms-4x4-door8", "open-5x5", "open-8x8")
+DRAWN = [f"{kind}-seed{seed}" for kind in KINDS for seed in range(10, 14)]
+"""Names of mazes drawn at random, on none of which anything was tuned."""
+
+
+SEVEN_ROOMS = {"minNumRooms": 7, "maxNumRooms": 7, "maxRoomSize": 8}
+MINIGRID: dict[str, tuple[Any, ...]] = {
+    "DoorKey-16x16": ("DoorKey-16x16", {}),
+    "MultiRoom-N7-S8": ("MultiRoom-N6", SEVEN_ROOMS),
+    "KeyCorridorS8R5": ("KeyCorridorS6R3", {"room_size": 8, "num_rows": 5}),
+    "ObstructedMaze-1Q": ("ObstructedMaze-1Q", {}),
+    "ObstructedMaze-2Dlhb": ("ObstructedMaze-2Dlhb", {}),
+}
+"""By name the id and the keywords; a seed draws a layout, in which one search searches."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """An environment, and how many steps a search may take."""
+
+    make: Callable[[], gym.Env[Any, Any]]
+    timesteps: float
+    is_copied: bool = False
+
+
+def _minigrid(name: str, **kwargs: int) -> gym.Env[Any, Any]:
+    from minigrid.wrappers import ImgObsWrapper  # an extra of few
+
+    wrapped: gym.Env[Any, Any] = ImgObsWrapper(gym.make(f"MiniGrid-{name}-v0", **kwargs))
+    return wrapped
+
+
+TASKS = {
+    **{name: Task(partial(gym.make, f"CuriosityMaze-{name}-v0"), 4e6) for name in MAZES},
+    **{name: Task(partial(gym.make, "CuriosityMaze-v0", layout=name), 4e6) for name in DRAWN},
+    **{
+        name: Task(partial(gym.make, f"CuriosityLocomotion-{name}-v0"), 8e6)
+        for name in ("AntTrap", "AntMaze", "HumanoidTrap")
+    },
+    **{
+        name: Task(partial(gym.make, f"CuriosityControl-{name}-v0"), 1e6)
+        for name in ("BallInCup", "Finger", "Stacker")
+    },
+    "MountainCarContinuous": Task(partial(gym.make, "MountainCarContinuous-v0"), 1e6),
+    **{
+        name: Task(partial(_minigrid, *made, **kwargs), 3e5, is_copied=True)
+        for name, (*made, kwargs) in MINIGRID.items()
+    },
+}
+
+
+@app.command()
+def run(
+    tasks: Annotated[list[str] | None, typer.Argument(help="Names; without any, all.")] = None,
+    behaviors: Annotated[str, typer.Option(help="learned, cells or both.")] = "learned",
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each, from seed 0 on.")] = 5,
+    out: Annotated[Path, typer.Option(help="Where the CSV file goes.")] = FOLDER,
+) -> None:
+    """Search until the first success, and note when it came."""
+    path = out / "restored.csv"
+    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=KEYS)
+    done = set(known[KEYS].itertuples(index=False, name=None))
+    for seed in range(seeds):
+        for task in tasks or TASKS:
+            for behavior in behaviors.split(","):
+                if (task, behavior, seed) not in done:
+                    add_rows(pd.DataFrame([search(task, behavior, seed)]), path, KEYS)
+
+
+@app.command()
+def picture(task: str = "rooms-4x4-door8-seed11", out: Path = IMAGES) -> None:
+    """Draw the states that a search has kept when it has found the goal of a maze."""
+    make = TASKS[task].make
+    model = GoExplore(make, seed=0).learn(TASKS[task].timesteps, Enough(1))
+    layout = make().unwrapped.layout
+    observed = model.archive.data("observation")
+    places = (observed[:, :2] + 1.0) / 2.0 * [layout.width, layout.height]
+    figure, axes = plt.subplots(figsize=(5.0, 4.0))
+    draw_layout(axes, layout)
+    points = axes.scatter(*places.T, c=-model.archive.data("objective"), s=8, zorder=3)
+    figure.colorbar(points, label="steps from the start")
+    figure.savefig(out / "go_explore.png", dpi=120, bbox_inches="tight")
+
+
+def search(task: str, behavior: str, seed: int) -> dict[str, Any]:
+    """A run: timesteps and seconds until its first success, or until its end."""
+    chosen, begin = TASKS[task], time.perf_counter()
+    model = GoExplore(chosen.make, behavior=behavior, seed=seed, is_copied=chosen.is_copied)
+    model.learn(chosen.timesteps, Enough(1))
+    first = model.first_success_timesteps or model.first_reward_timesteps
+    return {
+        **dict(zip(KEYS, (task, behavior, seed), strict=True)),
+        "timesteps": model.num_timesteps,
+        "first_success_timesteps": first,
+        "seconds": round(time.perf_counter() - begin, 1),
+        "length": len(model.episodes[0]["actions"]) if model.episodes else None,
+    }
+
+
+def table(values: pd.DataFrame) -> str:
+    """A row for each task: how many runs found the goal, with how many steps, in how long."""
+    values = values.assign(kind=values["task"].str.replace(r"-seed\d+$", "", regex=True))
+    rows = []
+    for (kind, behavior), runs in values.groupby(["kind", "behavior"], sort=False):
+        found = runs.dropna(subset="first_success_timesteps")
+        firsts = found["first_success_timesteps"] / 1e6
+        span = f"{firsts.median():.2f} ({firsts.min():.2f} to {firsts.max():.2f})"
+        cells = [span, f"{found['seconds'].median():.0f}"] if len(found) else ["", ""]
+        rows.append([kind, behavior, f"{len(found)} of {len(runs)}", *cells])
+    head = ["Task", "States apart by", "Found", "First success (M steps)", "Seconds"]
+    return markdown(head, rows)
+
+
+if __name__ == "__main__":
+    app()

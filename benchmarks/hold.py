@@ -50,6 +50,8 @@ class Task:
     timesteps: float = 1e7
     search: Mapping[str, Any] = field(default_factory=dict)
     """Other fields of the search's `RunSpec`."""
+    success: float = SUCCESS
+    """Of unseen starts, which ends the training."""
     is_perturbed: bool = False
     """Whether both policies are tested in a `Perturbed` maze, which neither was trained in."""
 
@@ -94,7 +96,7 @@ APT = {
 TASKS = {
     "MountainCarContinuous": Task("MountainCarContinuous-v0", 3e6),
     "AntTrap": Task("CuriosityLocomotion-AntTrap-v0"),
-    "HumanoidTrap": Task("CuriosityLocomotion-HumanoidTrap-v0", timesteps=2e7),
+    "HumanoidTrap": Task("CuriosityLocomotion-HumanoidTrap-v0", timesteps=2e7, success=0.9),
     "BallInCup": Task("CuriosityControl-BallInCup-v0", 1e6, search=RANDOM),
     "Finger": Task("CuriosityControl-Finger-v0", 1e7, search=RANDOM),
     "Hard, PPO + APT": Task("CuriosityMaze-Hard-v0", 3e5, 2e6, APT),
@@ -108,7 +110,9 @@ TASKS = {
         search={"env_kwargs": {"layout": "loops-8x8-seed0", "start_radius": 20.0}},
     ),
     **{
-        f"{name}, perturbed": Task(f"CuriosityMaze-{name}-v0", 1e7, 1e7, WITHIN_2, True)
+        f"{name}, perturbed": Task(
+            f"CuriosityMaze-{name}-v0", 1e7, 1e7, WITHIN_2, is_perturbed=True
+        )
         for name in ("Hard", "Labyrinth", "Snake", "US")
     },
 }
@@ -122,8 +126,8 @@ def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None
     if chosen.search_timesteps is not None:
         source = folder / "search"
         train(chosen.spec(seed), source, interval=interval)
-    timesteps = chosen.timesteps
-    settings: Any = {"timesteps": timesteps, "success": SUCCESS, "seed": seed, "interval": interval}
+    budget = {"timesteps": chosen.timesteps, "success": chosen.success}
+    settings: Any = {**budget, "seed": seed, "interval": interval}
     starts = robustify_run(source, folder / "robust", **settings)
     typer.echo(f"{task}, seed {seed}: {starts}")
 

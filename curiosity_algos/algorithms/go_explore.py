@@ -100,6 +100,11 @@ class GoExplore(EvolutionaryAlgorithm):
         """
         return self._found.episodes
 
+    @property
+    def best_return(self) -> float:
+        """Return of the best episode that was found; without any, the highest that was seen."""
+        return round(self.episodes[0]["total"], 6) if self.episodes else super().best_return
+
     def _policy_kwargs(self, policy_kwargs: dict[str, Any] | None) -> dict[str, Any]:
         if policy_kwargs:
             raise ValueError(f"`policy_kwargs` must be None here, got {policy_kwargs!r}.")
@@ -184,7 +189,9 @@ class GoExplore(EvolutionaryAlgorithm):
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """As there; the search begins anew, as its states are of the environment before."""
         super().set_env(env, force_reset)
+        self._begin_records()
         self._forget_behaviors()
+        self._show_best()
 
     def _forget_behaviors(self) -> None:
         self.archive.clear()
@@ -197,7 +204,7 @@ class GoExplore(EvolutionaryAlgorithm):
         start = self._places.start()
         self._worlds.check(start, self._explorers.walk(N_CHECKED))
         observations, behaviors = self._worlds.restore([start]), self._worlds.behaviors(1)
-        self._keep([Visit(0, start, observations[0], behaviors[0])], self._explorers.first())
+        self._keep([Visit(0, 0, start, observations[0], behaviors[0])], self._explorers.first())
 
     def _ask(self) -> Float32Array:
         if self.archive.empty:
@@ -275,7 +282,7 @@ class GoExplore(EvolutionaryAlgorithm):
 
     def _remember(self, trail: Trail, total: float) -> None:
         """Keep an episode that is among the best, once it was played again from its start."""
-        if not self._found.takes(total):
+        if not self._found.takes(total, trail.length):
             return
         again = 0.0
         for _, reward in self._worlds.follow(self._places.start(), trail.whole):

@@ -81,5 +81,5 @@ def solve(
     if film:
         draw_off_screen()
         path = robust / "best_policy.gif"
-        write(robust, path, stride=10)
+        write(robust, path, stride=10, trust=True)
         echo(path)

@@ -32,7 +32,7 @@ def torch_generator(seed: int | None) -> th.Generator:
 
 def reseed(parts: Iterable[object], seed: np.random.SeedSequence) -> None:
     """Begin anew every generator that `parts` hold, but for those of environments and spaces."""
-    generators = list(_generators(list(parts), set()))
+    generators = list(_generators(list(parts)))
     for generator, child in zip(generators, seed.spawn(len(generators)), strict=True):
         if isinstance(generator, th.Generator):
             generator.manual_seed(integer_seed(child))
@@ -44,23 +44,26 @@ def reseed(parts: Iterable[object], seed: np.random.SeedSequence) -> None:
 AnyGenerator = np.random.Generator | th.Generator
 
 
-def _generators(thing: Any, seen: set[int]) -> Iterator[AnyGenerator]:
-    """Each generator within `thing` once, in the order of attributes."""
-    if isinstance(thing, (*_NOT_OWN, *_WITHOUT_PARTS)) or id(thing) in seen:
-        return
-    seen.add(id(thing))
-    if isinstance(thing, AnyGenerator):
-        yield thing
-        return
-    state = object.__getstate__(thing)  # attributes, or they and slots
-    dictionaries = state if isinstance(state, tuple) else (state,)
-    parts = [part for attributes in dictionaries for part in (attributes or {}).values()]
-    if isinstance(thing, list | tuple):
-        parts += thing
-    elif isinstance(thing, Mapping):
-        parts += thing.values()
-    for part in parts:
-        yield from _generators(part, seen)
+def _generators(whole: Any) -> Iterator[AnyGenerator]:
+    """Each generator within `whole` once, in the order of attributes."""
+    seen: set[int] = set()
+    waiting = [whole]  # no recursion: what refers to what it goes on from may be a long chain
+    while waiting:
+        thing = waiting.pop()
+        if isinstance(thing, (*_NOT_OWN, *_WITHOUT_PARTS)) or id(thing) in seen:
+            continue
+        seen.add(id(thing))
+        if isinstance(thing, AnyGenerator):
+            yield thing
+            continue
+        state = object.__getstate__(thing)  # attributes, or they and slots
+        dictionaries = state if isinstance(state, tuple) else (state,)
+        parts = [part for attributes in dictionaries for part in (attributes or {}).values()]
+        if isinstance(thing, list | tuple):
+            parts += thing
+        elif isinstance(thing, Mapping):
+            parts += thing.values()
+        waiting += reversed(parts)
 
 
 def global_state(device: th.device) -> dict[str, Any]:

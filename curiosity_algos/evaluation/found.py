@@ -17,7 +17,7 @@ def is_success(info: Mapping[str, Any], total: float) -> bool:
 
 
 class BestEpisodes:
-    """Keeps the ten successful episodes of the highest returns, of equals the first.
+    """Keeps the ten successful episodes of the highest returns, of equals the shortest.
 
     Attributes:
         episodes: The best first: of each `total`, its return, `start`, the seed of its reset or the
@@ -27,14 +27,15 @@ class BestEpisodes:
     def __init__(self) -> None:
         self.episodes: list[dict[str, Any]] = []
 
-    def takes(self, total: float) -> bool:
-        """Whether an episode of this return is among the best."""
-        return len(self.episodes) < N_FOUND or total > self.episodes[-1]["total"]
+    def takes(self, total: float, length: int) -> bool:
+        """Whether an episode of this return and length is among the best."""
+        is_full = len(self.episodes) == N_FOUND
+        return not is_full or (-total, length) < _rank(self.episodes[-1])
 
     def add(self, total: float, start: Any, actions: Array) -> None:
-        """Keep an episode, in place of the worst of ten."""
+        """Take in an episode, in place of the worst of ten if it is better."""
         kept = {"total": total, "start": start, "actions": actions}
-        self.episodes = sorted([*self.episodes, kept], key=lambda each: -each["total"])[:N_FOUND]
+        self.episodes = sorted([*self.episodes, kept], key=_rank)[:N_FOUND]
 
     def clear(self) -> None:
         """Forget all episodes."""
@@ -47,3 +48,7 @@ class BestEpisodes:
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
         self.episodes = list(state["episodes"])
+
+
+def _rank(episode: Mapping[str, Any]) -> tuple[float, int]:
+    return -episode["total"], len(episode["actions"])

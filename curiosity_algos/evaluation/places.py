@@ -34,6 +34,10 @@ class Trail:
         """All actions from the start on, (length, ...)."""
         return np.concatenate([trail.actions for trail in self.path])
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle the whole path at once: a chain of thousands is too deep."""
+        return _trail_of, ([trail.actions for trail in self.path],)
+
     @property
     def path(self) -> list[Trail]:
         """The trails that lead here, from the start on."""
@@ -43,6 +47,13 @@ class Trail:
             found.append(trail)
             trail = trail.before
         return found[::-1]
+
+
+def _trail_of(parts: list[Array]) -> Trail:
+    trail = Trail(None, parts[0], len(parts[0]))
+    for actions in parts[1:]:
+        trail = trail.then(actions)
+    return trail
 
 
 @dataclass(eq=False)

@@ -21,7 +21,7 @@ from curiosity_algos.evaluation.environments import EnvObject
 from curiosity_algos.evaluation.evaluator import SIMULATIONS, as_played, known_task, layers
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.places import Place
-from curiosity_algos.evaluation.rollouts import as_behaviors
+from curiosity_algos.evaluation.rollouts import as_behaviors, check_observations
 from curiosity_gym.simulation import BaseSimulation
 from curiosity_gym.validation import check_info
 
@@ -102,9 +102,13 @@ class Worlds(Player):
         self, steps: list[tuple[Array, float]], again: Iterator[tuple[Array, float]], first: int
     ) -> None:
         for t, (one, other) in enumerate(zip_longest(steps, again), first + 1):
-            is_same = one and other and np.array_equal(one[0], other[0]) and one[1] == other[1]
-            if not is_same:
+            if one is None or other is None or not _are_same(one, other):
                 raise another(t)
+
+
+def _are_same(one: tuple[Array, float], other: tuple[Array, float]) -> bool:
+    check_observations(one[0])
+    return np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1], equal_nan=True)
 
 
 def another(step: int) -> ValueError:
@@ -161,6 +165,10 @@ class SimulatedWorlds(Worlds):
         for t in range(max(map(len, actions.values()), default=0)):
             ids = np.array([i for i, taken in actions.items() if t < len(taken)])
             self._simulation.step(np.stack([actions[i][t] for i in ids]), ids)
+        for i, state in zip(
+            actions, self.states(np.array(list(actions), dtype=np.int64)), strict=True
+        ):
+            places[i].state = state
 
     def step(self, actions: Array, ids: Int64Array) -> Outcome:
         simulation, known = self._simulation, self.known
@@ -217,8 +225,10 @@ class OneWorld(Worlds):
             for action in place.actions:
                 observation, _, _, _, info = self._env.step(action)
                 self._last = observation, info
-            # Of a copy it is once, after it was read from a file.
-            self.replayed_steps += 0 if self._is_copied else place.length
+            if self._is_copied:  # it was read from a file
+                (place.state,) = self.states(np.zeros(1, dtype=np.int64))
+            else:
+                self.replayed_steps += place.length
         return self._seen.one(self._last[0])[None].astype(np.float32)
 
     def step(self, actions: Array, ids: Int64Array) -> Outcome:
@@ -236,7 +246,14 @@ class OneWorld(Worlds):
         )
 
     def states(self, ids: Int64Array) -> list[Any]:
-        return [(copy.deepcopy(self._env), self._last) if self._is_copied else None]
+        if not self._is_copied:
+            return [None]
+        try:
+            return [(copy.deepcopy(self._env), self._last)]
+        except Exception as error:  # whatever an environment's parts raise
+            raise ValueError(
+                f"`is_copied` must be False for `env`, which cannot be copied: {error}."
+            ) from error
 
     def behaviors(self, n: int) -> Float64Array:
         observation, info = self._last

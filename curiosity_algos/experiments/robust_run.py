@@ -22,7 +22,7 @@ from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_s
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
-from curiosity_algos.experiments.training import train
+from curiosity_algos.experiments.training import is_finished, train
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.robust.demonstrations import (
     Demonstration,
@@ -33,7 +33,7 @@ from curiosity_algos.robust.demonstrations import (
 )
 from curiosity_algos.robust.measure import Starts, evaluate_starts, n_different
 from curiosity_algos.robust.robustify import Training, check_training
-from curiosity_algos.robust.solve import Enough
+from curiosity_algos.robust.solve import Enough, found_nothing
 from curiosity_algos.sb3.bonus_wrapper import found_episodes
 
 
@@ -118,8 +118,13 @@ def solve_run(
         ValueError: As `robustify_run`, and if an argument of the search is wrong.
     """
     enough, robust = Enough(n_episodes), folder / "robust"
+    is_finished(run, folder)  # raises where it is another run
     if not RunFolder(robust).demonstrations.exists():
         train(run, folder, interval=interval, progress_bar=progress_bar, enough=enough)
+        result = RunFolder(folder).result()
+        if result["first_success_timesteps"] is None:
+            raise found_nothing(result["timesteps"])
+    training["trust"] = True  # who names an environment trusts its module
     training |= {"interval": interval, "progress_bar": progress_bar, "seed": run.seed}
     return robustify_run(folder, robust, **training)
 

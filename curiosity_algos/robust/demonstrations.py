@@ -103,9 +103,9 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
 
     Args:
         source: A population algorithm: its best policy and elites in other niches play. A
-            `GoExplore`: its best episode. An
-            algorithm of Stable-Baselines3 whose `BonusVecEnvWrapper` saw episodes succeed, or the
-            wrapper's `found.episodes`. Or a Minari dataset: its best seeded episodes are taken.
+            `GoExplore`: its best episode. An algorithm of Stable-Baselines3 whose
+            `BonusVecEnvWrapper` saw episodes succeed, or the wrapper's `found.episodes`. Or a
+            Minari dataset: its best seeded episodes are taken.
         env: Environment like that of the source.
 
     Raises:

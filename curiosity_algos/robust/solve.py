@@ -77,10 +77,7 @@ def solve(
     search = GoExplore(env, seed=seed, device=device)
     search.learn(search_timesteps, [*as_list(callback), enough], progress_bar=progress_bar)
     if not search.episodes:
-        raise ValueError(
-            f"`search_timesteps` must be enough to find an episode that succeeds: in "
-            f"{search.num_timesteps:,} none did."
-        )
+        raise found_nothing(search.num_timesteps)
     return robustify(
         search,
         env,
@@ -90,4 +87,12 @@ def solve(
         device=device,
         callback=callback,
         progress_bar=progress_bar,
+    )
+
+
+def found_nothing(timesteps: int) -> ValueError:
+    """The error of a search that has come to its end."""
+    return ValueError(
+        "`search_timesteps` must be enough to find an episode that succeeds: in "
+        f"{timesteps:,} none did."
     )

@@ -38,8 +38,6 @@ class FoundEpisodes:
         self._totals[dones] = 0.0
 
     def _add(self, i: int, total: float) -> None:
-        if not self.best.takes(total):
-            return
         episode = self._venv.env_method("last_episode", indices=i)[0]
         if episode is not None and episode["options"] is None:
             self.best.add(total, episode["start"], episode["actions"])

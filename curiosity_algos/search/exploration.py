@@ -27,12 +27,14 @@ class Visit:
     """A place that an exploration came to.
 
     Attributes:
+        step: The step of the exploration.
         row: The exploration.
         place: The place.
         observation: (O,) what is observed there.
         behavior: (B,)
     """
 
+    step: int
     row: int
     place: Place
     observation: Float32Array
@@ -72,15 +74,14 @@ def explore(
         n_steps: Steps at most.
         grid: Cells to count; None: none.
     """
-    parts = [
+    waves = [
         _Wave(worlds, places[begin : begin + worlds.n], begin, act, taken, n_steps, grid).play()
         for begin in range(0, len(places), worlds.n)
     ]
-    return Explorations(
-        concatenate([part.rollouts for part in parts]),
-        [visit for part in parts for visit in part.visits],
-        [one for part in parts for one in part.found],
-    )
+    visits = [visit for wave in waves for visit in wave.visits]
+    visits.sort(key=lambda visit: (visit.step, visit.row))  # as if there were one wave
+    found = [one for wave in waves for one in wave.found]
+    return Explorations(concatenate([wave.rollouts for wave in waves]), visits, found)
 
 
 class _Wave:
@@ -143,11 +144,9 @@ class _Wave:
 
     def _stops(self, active: Array, outcome: Outcome) -> Array:
         """Count rewards; whether each ends here, at its end or at a goal that its info names."""
-        had_reward = self._totals[active] > 0.0
         self._totals[active] += outcome.rewards
-        if outcome.success is None:
-            is_found = (self._totals[active] > 0.0) & (~had_reward | outcome.ended)
-            stops = outcome.ended
+        if outcome.success is None:  # as everywhere, an episode's return says then how it ended
+            is_found, stops = outcome.ended & (self._totals[active] > 0.0), outcome.ended
         else:
             is_found, stops = outcome.success, outcome.ended | outcome.success
         self._success[active] |= is_found
@@ -165,7 +164,7 @@ class _Wave:
             self._trails[i] = trail = self._trails[i].then(self._taken_since(i))
             place = Place(trail, float(self._totals[i]), state)
             seen = self._observations[-1][i].copy()
-            self._visits.append(Visit(self._first + i, place, seen, self._behaviors[i]))
+            self._visits.append(Visit(t, self._first + i, place, seen, self._behaviors[i]))
         self._since = t
 
     def _results(self) -> Explorations:

@@ -30,6 +30,8 @@ FLOOR = 0.1
 """Share of explorations that each explorer has at least."""
 POWER = 8
 """Of how far an explorer comes, by which it explores more often: of 8 dimensions as the volume."""
+SHORTEST = 1e-12
+"""Of the mean distances: shares are equal where nothing moves."""
 MEMORY = 0.95
 """What remains of an explorer's record from generation to generation."""
 SPACING = 10
@@ -134,7 +136,7 @@ class Explorers:
     @property
     def shares(self) -> dict[str, float]:
         """Of explorations, by explorer: more of one that comes further, a tenth at least."""
-        means = self._come / self._played
+        means = np.maximum(self._come / self._played, SHORTEST)
         volumes = (means / means.max()) ** POWER
         shares = FLOOR + (1.0 - len(means) * FLOOR) * volumes / volumes.sum()
         return dict(zip(self._names, (shares / shares.sum()).tolist(), strict=True))

@@ -1,5 +1,7 @@
 """GoExplore: states that are taken up, and episodes that are found by them."""
 
+import copy
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -225,11 +227,83 @@ class Stay(Walk):
         return observation, reward, False, False, info
 
 
-# Of `Coin` where it is paid, and at the end of the episode; at the goal an exploration ends.
-@pytest.mark.parametrize(("env", "n_most"), [(Coin, 2), (Stay, 1)])
-def test_an_exploration_finds_a_reward_once(env, n_most):
-    model = GoExplore(lambda: gym.wrappers.TimeLimit(env(), 60), **SMALL)
+class LateInfo(Walk):
+    """A walk that says `is_success` at its end alone, and is paid for steps to the right."""
+
+    def step(self, action):
+        observation, _, arrived, _, info = super().step(action)
+        return observation, 0.1 * self.place, arrived, False, info if arrived else {}
+
+
+def make_short(env):
+    return gym.wrappers.TimeLimit(env, 60)
+
+
+@pytest.mark.parametrize("env", [Coin, Stay])
+def test_an_exploration_finds_a_reward_once(env):
+    model = GoExplore(lambda: make_short(env()), **SMALL)
     counts = []
-    model.learn(4_000, callback=lambda *_: counts.append(len(model._explored.found)))
+    model.learn(4_000, callback=lambda *_: counts.append(len(model._explored.found)) or True)
     assert model.episodes
-    assert max(counts) <= n_most * model.population_size
+    assert max(counts) <= model.population_size
+    lengths = {len(episode["actions"]) for episode in model.episodes}
+    assert lengths == {60} if env is Coin else 12 in lengths
+
+
+def test_what_an_info_does_not_say_is_not_found_on_the_way():
+    model = GoExplore(lambda: make_short(LateInfo()), **SMALL).learn(3_000)
+    assert all(len(episode["actions"]) >= 12 for episode in model.episodes)
+
+
+def test_of_equal_returns_the_shortest_is_the_best():
+    model = GoExplore(make_walk, **SMALL).learn(6_000)
+    lengths = [len(episode["actions"]) for episode in model.episodes]
+    assert lengths == sorted(lengths)
+    assert lengths[0] == 12
+
+
+def test_a_population_may_grow(tmp_path):
+    one = run("maze", population_size=4, n_steps=60)
+    one.population_size = 8
+    one.learn(960, reset_num_timesteps=False)
+    one.save(tmp_path / "model")
+    other = GoExplore.load(tmp_path / "model", env=HARD)
+    for model in (one, other):
+        model.learn(1_900, reset_num_timesteps=False)
+    assert_same_search(one, other)
+
+
+def test_long_chains_are_copied_and_seeded_anew():
+    model = GoExplore(make_short(Walk()), **SMALL).learn(300)
+    place = model._places[int(model.archive.data("place")[0])]
+    for _ in range(3_000):
+        place.trail = place.trail.then(np.array([1]))
+    model.set_random_seed(3)
+    again = copy.deepcopy(model._places)
+    number = int(model.archive.data("place")[0])
+    np.testing.assert_array_equal(again[number].actions, place.actions)
+
+
+def test_an_environment_of_the_same_cells_begins_anew_too():
+    model = GoExplore(make_short(Walk()), **SMALL).learn(3_000)
+    assert model.episodes
+    model.set_env(make_short(Walk()))
+    assert model.best_return == -np.inf
+    assert model.best_episode_seed is None
+    assert not len(model.policy.actions)
+
+
+class Broken(Walk):
+    """A walk whose observations are no numbers."""
+
+    def _observation(self):
+        return np.full(1, np.nan, dtype=np.float32)
+
+
+def test_what_cannot_be_played_is_one_sentence():
+    with pytest.raises(ValueError, match="`env` must give finite observations"):
+        GoExplore(make_short(Broken()), **SMALL).learn(100)
+    env = Walk()
+    env.more = (step for step in range(3))
+    with pytest.raises(ValueError, match="`is_copied` must be False for `env`, which cannot be"):
+        GoExplore(make_short(env), is_copied=True, **SMALL).learn(100)

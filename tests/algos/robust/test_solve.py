@@ -1,5 +1,7 @@
 """From an environment to a policy that works."""
 
+from dataclasses import replace
+
 import pytest
 from stable_baselines3 import PPO
 
@@ -49,6 +51,15 @@ def test_a_folder_goes_on_with_either(tmp_path, monkeypatch):
     assert RunFolder(tmp_path / "robust").demonstrations.exists()
     monkeypatch.setattr(robust_run, "train", stop)  # it searches no more
     robust_run.solve_run(run, tmp_path, **arguments)
+    other = replace(run, settings={"n_steps": 50})
+    with pytest.raises(ValueError, match="`folder` must be empty or that of this run"):
+        robust_run.solve_run(other, tmp_path, **arguments)
+
+
+def test_a_search_that_finds_nothing_says_so(tmp_path):
+    run = RunSpec("GoExplore", "CuriosityMaze-US-v0", 0, 1)
+    with pytest.raises(ValueError, match=r"`search_timesteps` must be enough .* in 6,400 none"):
+        robust_run.solve_run(run, tmp_path, n_episodes=1)
 
 
 def test_mistakes_are_one_sentence(make_easy_maze):

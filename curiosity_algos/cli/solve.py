@@ -49,9 +49,9 @@ def solve(
         bool, Option(help="Write best_policy.gif, a film of the policy, into its folder.")
     ] = True,
 ) -> None:
-    """Find episodes that succeed, and train a policy by them that works from any start.
+    """Find an episode, and train a policy that holds by it.
 
-    It restores states of the environment to search. What was interrupted continues when the same
+    The search restores states of the environment. What was interrupted continues when the same
     command is given again. The policy is PPO's, in the folder robust of the run.
 
     Example: curiosity solve CuriosityMaze-Hard-v0

@@ -92,8 +92,9 @@ class Worlds(Player):
         first = list(self.follow(start, actions))
         half = len(first) // 2
         self._compare(first, self.follow(start, actions), 0)
-        for _ in zip(range(half), self.follow(start, actions), strict=False):
-            pass
+        self.restore([start])
+        for action in actions[:half]:
+            self.step(action[None], np.zeros(1, dtype=np.int64))
         (state,) = self.states(np.zeros(1, dtype=np.int64))
         middle = Place(start.trail.then(actions[:half]), 0.0, state)
         self._compare(first[half:], self.follow(middle, actions[half : len(first)]), half)

@@ -97,9 +97,10 @@ def solve_run(
     folder: Path,
     *,
     n_episodes: int,
+    timesteps: float = 1e7,
+    success: float = 0.95,
     interval: float = 60.0,
-    progress_bar: bool = False,
-    **training: Any,
+    **shared: Any,
 ) -> Starts:
     """Search until so many episodes are found, then train a policy by them, or go on with either.
 
@@ -107,9 +108,10 @@ def solve_run(
         run: Run of `GoExplore`.
         folder: Folder of the search; that of the training is in it.
         n_episodes: Episodes that end the search, from 1 to 10.
+        timesteps: As in `robustify`, of the training.
+        success: As in `robustify`.
         interval: Seconds between two checkpoints.
-        progress_bar: Show a bar of timesteps.
-        **training: Arguments of `robustify_run`.
+        **shared: `device` and `progress_bar`, as in `robustify_run`.
 
     Returns:
         As `robustify_run`.
@@ -118,15 +120,24 @@ def solve_run(
         ValueError: As `robustify_run`, and if an argument of the search is wrong.
     """
     enough, robust = Enough(n_episodes), folder / "robust"
+    check_training(success, run.seed, timesteps=timesteps)
     is_finished(run, folder)  # raises where it is another run
     if not RunFolder(robust).demonstrations.exists():
+        progress_bar = shared.get("progress_bar", False)
         train(run, folder, interval=interval, progress_bar=progress_bar, enough=enough)
         result = RunFolder(folder).result()
         if result["first_success_timesteps"] is None:
             raise found_nothing(result["timesteps"])
-    training["trust"] = True  # who names an environment trusts its module
-    training |= {"interval": interval, "progress_bar": progress_bar, "seed": run.seed}
-    return robustify_run(folder, robust, **training)
+    return robustify_run(
+        folder,
+        robust,
+        timesteps=timesteps,
+        success=success,
+        seed=run.seed,
+        interval=interval,
+        trust=True,  # who names an environment trusts its module
+        **shared,
+    )
 
 
 def _is_over(folder: Path, timesteps: float, success: float) -> bool:

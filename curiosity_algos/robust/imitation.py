@@ -101,9 +101,9 @@ class Imitation:
 
 
 def _noise_of(observations: Any) -> th.Tensor | None:
-    """The deviation of the noise of each entry; None: there is none."""
+    """The deviation of the noise of each entry; None: there is none, as of a single step."""
     is_floats = isinstance(observations, th.Tensor) and observations.is_floating_point()
-    return NOISE * observations.std(dim=0) if is_floats else None
+    return NOISE * observations.std(dim=0) if is_floats and len(observations) > 1 else None
 
 
 def _tensors(

@@ -12,7 +12,7 @@ from stable_baselines3.common.type_aliases import MaybeCallback
 from curiosity_algos.algorithms.go_explore import GoExplore
 from curiosity_algos.evaluation.environments import MakeEnv
 from curiosity_algos.evaluation.found import N_FOUND
-from curiosity_algos.robust.robustify import as_list, check_training, robustify
+from curiosity_algos.robust.robustify import as_list, check_training, maker_of, robustify
 from curiosity_gym.validation import check_whole
 
 
@@ -74,6 +74,7 @@ def solve(
     budgets = {"search_timesteps": search_timesteps, "total_timesteps": total_timesteps}
     check_training(success, seed, **budgets)
     enough = Enough(n_episodes)
+    maker_of(None, env)  # raises where it is no id and no function
     search = GoExplore(env, seed=seed, device=device)
     search.learn(search_timesteps, [*as_list(callback), enough], progress_bar=progress_bar)
     if not search.episodes:

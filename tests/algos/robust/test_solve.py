@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import gymnasium as gym
+import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
-from curiosity_algos import GoExplore, solve
+from curiosity_algos import GoExplore, evaluate_starts, robustify, solve
 from curiosity_algos.experiments import robust_run
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.run_folder import RunFolder
@@ -23,6 +25,28 @@ def _imitate_briefly(monkeypatch):
 def test_it_searches_and_learns(make_easy_maze):
     model = solve(make_easy_maze, total_timesteps=1, n_episodes=1, seed=0)
     assert isinstance(model, PPO)
+    model.env.close()
+
+
+class Door(gym.Env):
+    """A door, to be opened in one step."""
+
+    observation_space = gym.spaces.Box(-1.0, 1.0, (2,))
+    action_space = gym.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros(2, np.float32), {}
+
+    def step(self, action):
+        return np.ones(2, np.float32), float(action), True, False, {"is_success": bool(action)}
+
+
+@pytest.mark.parametrize("is_copied", [False, True])
+def test_an_episode_may_have_one_step(is_copied):
+    search = GoExplore(Door, is_copied=is_copied, population_size=4, seed=0).learn(40)
+    model = robustify(search, total_timesteps=1, seed=0)
+    assert evaluate_starts(model, Door(), n=1).returns.shape == (1,)
     model.env.close()
 
 
@@ -58,6 +82,9 @@ def test_a_folder_goes_on_with_either(tmp_path, monkeypatch):
 
 def test_a_search_that_finds_nothing_says_so(tmp_path):
     run = RunSpec("GoExplore", "CuriosityMaze-US-v0", 0, 1)
+    with pytest.raises(ValueError, match="`success` must be"):
+        robust_run.solve_run(run, tmp_path, n_episodes=1, success=2.0)
+    assert RunFolder(tmp_path).is_empty()  # it has not begun
     with pytest.raises(ValueError, match=r"`search_timesteps` must be enough .* in 6,400 none"):
         robust_run.solve_run(run, tmp_path, n_episodes=1)
 
@@ -70,5 +97,7 @@ def test_mistakes_are_one_sentence(make_easy_maze):
     ]:
         with pytest.raises(ValueError, match=message):
             solve(make_easy_maze, **changes)
+    with pytest.raises(ValueError, match="`env` must be an id, or a function"):
+        solve(make_easy_maze())
     with pytest.raises(ValueError, match="`search_timesteps` must be enough to find an episode"):
         solve("CuriosityMaze-Hard-v0", search_timesteps=1, seed=0)

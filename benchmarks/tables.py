@@ -86,7 +86,8 @@ def robots() -> str:
         "With ten million steps, and without knowing positions, CuriosityES finds a way around the "
         f"U in AntTrap in single episodes of {found('AntTrap')}; for a humanoid it finds one in "
         f"those of {found('HumanoidTrap')}. By the ant's best episode `robustify` trains policies "
-        f"that reach the goal from {hold.in_words(read_rows('hold'), 'AntTrap')}."
+        f"that reach the goal from {hold.in_words(read_rows('hold'), 'AntTrap')}, and by the "
+        f"humanoid's best one from {hold.in_words(read_rows('hold'), 'HumanoidTrap')}."
     )
 
 
@@ -399,6 +400,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "locomotion-long-unseen": partial(make_table, read_rows, UNSEEN, unseen),
     "hold": partial(make_table, read_rows, "hold", hold.table),
+    "restored-words": partial(make_table, read_rows, "restored", restored.in_words),
     "restored": partial(make_table, read_rows, "restored", restored.table),
     "summary-of-speed": partial(summary_of, HEADLINES),
     "paper-claims": partial(paper_tables.claims, "paper"),

@@ -136,7 +136,8 @@ def table(values: pd.DataFrame) -> str:
         found = runs.dropna(subset="first_success_timesteps")
         firsts = found["first_success_timesteps"] / 1e6
         span = f"{firsts.median():.2f} ({firsts.min():.2f} to {firsts.max():.2f})"
-        cells = [span, f"{found['seconds'].median():.0f}"] if len(found) else ["", ""]
+        seconds = found["seconds"].median()  # unknown of a run that was paused
+        cells = [span, "" if pd.isna(seconds) else f"{seconds:.0f}"] if len(found) else ["", ""]
         rows.append([kind, behavior, f"{len(found)} of {len(runs)}", *cells])
     head = ["Task", "States apart by", "Found", "First success (M steps)", "Seconds"]
     return markdown(head, rows)

@@ -189,9 +189,7 @@ class GoExplore(EvolutionaryAlgorithm):
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """As there; the search begins anew, as its states are of the environment before."""
         super().set_env(env, force_reset)
-        self._begin_records()
-        self._forget_behaviors()
-        self._show_best()
+        self._begin_anew()
 
     def _forget_behaviors(self) -> None:
         self.archive.clear()
@@ -213,6 +211,7 @@ class GoExplore(EvolutionaryAlgorithm):
         weights = 1.0 / np.sqrt([1.0 + place.times_chosen for place in places])
         n = self.population_size
         self._chosen = self._choices.choice(len(places), n, p=weights / weights.sum())
+        self._origins = [places[i] for i in self._chosen]
         self._begins = self.archive.data("measures")[self._chosen]
         parents = self.archive.data("solution")[self._chosen]
         self._plan = self._explorers.plan(parents, self.n_steps, self.sigma)
@@ -221,7 +220,7 @@ class GoExplore(EvolutionaryAlgorithm):
     def _play(self) -> tuple[Float32Array, Rollouts]:
         policies, worlds = self._ask(), self._worlds
         worlds.seed, before = self._episode_seed, worlds.replayed_steps
-        places = [self._places[number] for number in self.archive.data("place")[self._chosen]]
+        places = self._origins
         act = partial(self._explorers.act, self._plan)
         taken = self.policy.acted.taken
         self._explored = explore(worlds, places, act, taken, self.n_steps, self._coverage_grid)

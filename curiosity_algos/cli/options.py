@@ -25,6 +25,16 @@ Pretrained = Annotated[
 ]
 
 
+Success = Annotated[
+    float, typer.Option(help="Share of unseen starts to succeed from, which ends the training.")
+]
+
+
+def is_terminal() -> bool:
+    """Whether somebody watches, so that a bar may be drawn."""
+    return sys.stdout.isatty() and sys.stderr.isatty()
+
+
 def find_own_modules() -> None:
     """Let modules of the working directory be imported, after all others."""
     if (here := os.getcwd()) not in sys.path:

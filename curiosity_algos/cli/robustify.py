@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option, echo
 
-from curiosity_algos.cli.options import Pretrained, Trust, find_own_modules
+from curiosity_algos.cli.options import Pretrained, Success, Trust, find_own_modules, is_terminal
 
 
 def robustify(
@@ -30,9 +29,7 @@ def robustify(
     timesteps: Annotated[
         float, Option("--timesteps", "-n", help="Environment steps, at most.")
     ] = 1e7,
-    success: Annotated[
-        float, Option(help="Share of unseen starts to succeed from, which ends the training.")
-    ] = 0.95,
+    success: Success = 0.95,
     seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
     device: Annotated[str, Option(help="Device of neural networks: auto, cpu or cuda.")] = "auto",
     interval: Annotated[float, Option(help="Seconds between two checkpoints.")] = 60.0,
@@ -62,6 +59,6 @@ def robustify(
         device=device,
         interval=interval,
         trust=trust,
-        progress_bar=sys.stdout.isatty() and sys.stderr.isatty(),
+        progress_bar=is_terminal(),
     )
     echo(f"{folder}: {starts}")

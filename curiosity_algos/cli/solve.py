@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -24,9 +23,7 @@ def solve(
         float, Option("--timesteps", "-n", help="Environment steps of the training, at most.")
     ] = 1e7,
     episodes: Annotated[int, Option(help="Episodes that end the search, from 1 to 10.")] = 10,
-    success: Annotated[
-        float, Option(help="Share of unseen starts to succeed from, which ends the training.")
-    ] = 0.95,
+    success: options.Success = 0.95,
     log_folder: Annotated[
         Path,
         Option(
@@ -74,7 +71,7 @@ def solve(
         success=success,
         device=device,
         interval=interval,
-        progress_bar=sys.stdout.isatty() and sys.stderr.isatty(),
+        progress_bar=options.is_terminal(),
     )
     robust = folder / "robust"
     echo(f"{robust}: {starts}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -135,8 +134,7 @@ def sweep(
 def _train(run: RunSpec, folder: Path, interval: float) -> None:
     from curiosity_algos.experiments import training
 
-    is_terminal = sys.stdout.isatty() and sys.stderr.isatty()
-    if training.train(run, folder, interval=interval, progress_bar=is_terminal):
+    if training.train(run, folder, interval=interval, progress_bar=options.is_terminal()):
         echo(training.summary(folder))
     else:
         echo(f"{folder} is finished.")

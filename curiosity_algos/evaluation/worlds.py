@@ -21,7 +21,7 @@ from curiosity_algos.evaluation.environments import EnvObject
 from curiosity_algos.evaluation.evaluator import SIMULATIONS, as_played, known_task, layers
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.places import Place
-from curiosity_algos.evaluation.rollouts import as_behaviors, check_observations
+from curiosity_algos.evaluation.rollouts import as_behaviors, check_observations, sparse_returns
 from curiosity_gym.simulation import BaseSimulation
 from curiosity_gym.validation import check_info
 
@@ -180,7 +180,7 @@ class SimulatedWorlds(Worlds):
         if known.horizon is None:
             rewards = simulation.rewards[ids].astype(np.float64)
         else:
-            rewards = np.where(success, 1.0 - self._lengths[ids] / known.horizon, 0.0)
+            rewards = sparse_returns(known.horizon, self._lengths[ids], success)
         return Outcome(
             observations=simulation.observations[ids].astype(np.float32),
             rewards=rewards,

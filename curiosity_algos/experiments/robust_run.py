@@ -121,8 +121,9 @@ def solve_run(
     """
     enough, robust = Enough(n_episodes), folder / "robust"
     check_training(success, run.seed, timesteps=timesteps)
-    is_finished(run, folder)  # raises where it is another run
-    if not RunFolder(robust).demonstrations.exists():
+    if RunFolder(robust).demonstrations.exists():
+        is_finished(run, folder)  # raises where it is another run, as `train` does
+    else:
         progress_bar = shared.get("progress_bar", False)
         train(run, folder, interval=interval, progress_bar=progress_bar, enough=enough)
         result = RunFolder(folder).result()

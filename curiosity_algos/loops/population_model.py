@@ -215,9 +215,13 @@ class PopulationModel(HasSettings, BaseAlgorithm):
         self._check_behaviors(behavior_space(env))
         if self._counts_others(env):
             self._see_env(env)
-            self._begin_records()
-            self._forget_behaviors()
-            self._show_best()
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Forget what was found in the environment before."""
+        self._begin_records()
+        self._forget_behaviors()
+        self._show_best()
 
     def _begin_records(self) -> None:
         """Begin coverage, the best policy and the first reward and success anew."""

@@ -47,8 +47,7 @@ SMALL_TD3 = {
     "batch_size": 8,
     "buffer_size": 300,
 }
-SMALL_SEARCH = {"population_size": 6, "n_steps": 20, "archive_size": 50, "seed": 0}
-ALL_SETTINGS = SETTINGS | {GoExplore: SMALL_SEARCH, TD3ICM: SMALL_TD3}
+ALL_SETTINGS = SETTINGS | {TD3ICM: SMALL_TD3}
 """Every algorithm, the one that learns by gradients too."""
 
 EASY = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])

@@ -19,12 +19,13 @@ from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
 from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords
-from curiosity_algos.bonuses.encoders import make_encoder
+from curiosity_algos.bonuses.encoders import ActionEncoder, make_encoder
+from curiosity_algos.bonuses.foretold import ForetoldEntries
 from curiosity_algos.bonuses.memory import FeatureMemory
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.common.randomness import torch_generator
-from curiosity_gym.validation import check_at_least_one, check_positive
+from curiosity_gym.validation import check_at_least_one, check_bool, check_positive
 
 N_QUERIES = 64
 """Observations whose distances to the whole memory are computed at once: more leave the cache."""
@@ -42,10 +43,10 @@ class APT(NetworkBonus):
     The encoder learns to tell the state that follows another, up to `horizon` steps later, from
     those that follow other states: the nearer two states are in time, the nearer are their
     features. Noise that is drawn anew in each step foretells nothing, and is left out; what lasts
-    through an episode is not. The bonus of a transition is the mean distance of the state that it
-    leads to from the nearest of those in a memory, a uniform sample of all states that were
-    observed; the paper takes the logarithm of that mean. The memory keeps observations, not
-    features, as the encoder learns on.
+    through an episode is left out if the bonus is `selective`. The bonus of a transition is the
+    mean distance of the state that it leads to from the nearest of those in a memory, a uniform
+    sample of all states that were observed; the paper takes the logarithm of that mean. The memory
+    keeps observations, not features, as the encoder learns on.
 
     Further keywords are those of every bonus of networks, see `NetworkBonus`.
 
@@ -57,6 +58,11 @@ class APT(NetworkBonus):
         power: Exponent of that mean, above 0. Where states lie in d dimensions their density falls
             with the distance's power d: with more than 1 what is rare stands out more.
         memory_size: Observations kept; None: 20,000, or 2,000 images.
+        selective: Whether entries of a vector are left out whose changes neither other entries nor
+            actions foretell, see `ForetoldEntries`: a goal, a mass, a sensor that drifts.
+
+    Raises:
+        ValueError: If an argument is out of its range, or a selective one is to see images.
     """
 
     name = "apt"
@@ -70,6 +76,7 @@ class APT(NetworkBonus):
         n_neighbors: int = 10,
         power: float = 1.0,
         memory_size: int | None = None,
+        selective: bool = False,
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         super().__init__(observation_space, action_space, **kwargs)
@@ -77,11 +84,19 @@ class APT(NetworkBonus):
             memory_size = MEMORY_SIZE if self.images is None else N_IMAGES
         check_at_least_one(horizon=horizon, n_neighbors=n_neighbors, memory_size=memory_size)
         check_positive(power=power)
+        check_bool(selective=selective)
+        if selective and self.images is not None:
+            raise ValueError("`selective` must be False where observations are images.")
         self.horizon = horizon
         self.n_neighbors = n_neighbors
         self.power = power
-        sizes = self.hidden, self.hidden, self.n_features
-        self.encoder = make_encoder(observation_space, *sizes, generator=torch_generator(self.seed))
+        self.selective = selective
+        sizes, generator = (self.hidden, self.hidden, self.n_features), torch_generator(self.seed)
+        self.encoder = make_encoder(observation_space, *sizes, generator=generator)
+        if selective:
+            self.encode_actions = ActionEncoder(action_space)
+            n_entries, n_actions = spaces.flatdim(observation_space), self.encode_actions.size
+            self.foretold = ForetoldEntries(n_entries, n_actions, generator=generator)
         self.statistics = copy.deepcopy(self.normalizer)
         self._has_observed = False  # since the normalizer last had the statistics
         self._begin()
@@ -106,9 +121,19 @@ class APT(NetworkBonus):
         if self._has_observed:
             # Until then what is asked and what is remembered are standardized alike.
             self.normalizer.load_state_dict(self.statistics.state_dict())
+            if self.selective:
+                self.foretold.settle()
             self._has_observed = False
         self.memory.outdate()
+        if self.selective:
+            begins, taken, ends = (x.to(self.device) for x in (before, actions, after))
+            both = super().inputs(begins), self.encode_actions(taken), super().inputs(ends)
+            self.foretold.learn(*both)
         return super().update(before, actions, after)
+
+    def inputs(self, observations: th.Tensor) -> th.Tensor:
+        inputs = super().inputs(observations)
+        return inputs * self.foretold.gate if self.selective else inputs
 
     @th.no_grad()
     def score(self, before: Array, actions: Array, after: Array) -> Float32Array:

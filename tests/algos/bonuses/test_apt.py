@@ -98,6 +98,45 @@ def test_features_tell_what_follows_what_and_leave_out_noise():
     assert (there - here).norm(dim=1).mean() > 3 * (elsewhere - here).norm(dim=1).mean()
 
 
+def train(apt, n_updates=20):
+    """Train in front of a walk with a constant beside it; some states of it."""
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-2, 2, (500, 2)).astype(np.float32)
+    states = np.hstack([np.cumsum(actions, axis=0), np.ones((500, 4))]).astype(np.float32)
+    for _ in range(n_updates):
+        apt.observe(th.from_numpy(states[:-1]))
+        batch = states[:-1], np.roll(actions, -1, axis=0)[:-1], states[1:]
+        apt.update(*map(th.from_numpy, batch))
+    return states
+
+
+def test_a_selective_one_is_blind_to_what_nothing_foretells():
+    for selective in (False, True):
+        apt = make_apt(selective=selective)
+        states = train(apt)
+        others = states.copy()
+        others[:, 2:] += 0.5
+        is_same = np.array_equal(apt.features(states), apt.features(others))
+        assert is_same is selective
+        assert np.ptp(apt.features(states), axis=0).max() > 0.1
+
+
+def test_a_selective_one_goes_on_as_it_was(assert_same):
+    one, other = make_apt(selective=True), make_apt(selective=True, seed=1)
+    train(one, 5)
+    other.load_state_dict(one.state_dict())
+    states = train(one, 5)
+    train(other, 5)
+    assert_same(one.state_dict(), other.state_dict())
+    np.testing.assert_array_equal(one.features(states), other.features(states))
+
+
+def test_images_have_no_entries_to_select():
+    images = spaces.Box(0, 255, (3, 36, 36), np.uint8), BOX[1]
+    with pytest.raises(ValueError, match="`selective` must be False where observations are images"):
+        make_apt(images, selective=True)
+
+
 def test_a_state_that_does_not_fit_changes_nothing(assert_same):
     apt, other = make_apt(), make_apt(memory_size=10, seed=1)
     apt.observe(th.from_numpy(make_observations(300)))

@@ -44,29 +44,42 @@ LOUD = {
     "TD3": {"action_noise": NormalActionNoise(np.zeros(2), np.ones(2))},
 }
 SAC, TD3 = (replace(PPO, algorithm=each, settings=OFF_POLICY | LOUD[each]) for each in LOUD)
-APT = replace(PPO, bonus="apt")
+FINDS = {"weight": 1.0}
+"""A weight with which a policy explores on where it has found a goal."""
+APT = replace(PPO, bonus="apt", bonus_kwargs=FINDS)
 PARTS = {
-    "power=1": replace(APT, bonus_kwargs={"power": 1.0}),
-    "horizon=100": replace(APT, bonus_kwargs={"horizon": 100}),
+    "power=1": replace(APT, bonus_kwargs=FINDS | {"power": 1.0}),
+    "horizon=100": replace(APT, bonus_kwargs=FINDS | {"horizon": 100}),
     "n_steps=2048": replace(APT, settings={"n_steps": 2048}),
     "num_repeats=1": replace(APT, repeat_action=1),
 }
 """Other settings of the recipe, one at a time."""
-KEPT = replace(APT, timesteps=3e6, bonus_kwargs={"weight": 0.02})
-"""With a weight and a budget at which the policy learns to come back to what it has found."""
+KEPT = replace(APT, timesteps=3e6, bonus_kwargs={})
+"""With the weight and a budget at which the policy learns to come back to what it has found."""
+DRAWN = ("perfect-8x8-seed10", "loops-8x8-seed10", "rooms-4x4-door8-seed10")
+"""Mazes drawn at random, on none of which anything was tuned."""
 ANT = RunSpec("PPO", WORLDS[0], 0, 1e6, n_envs=8)
 """With the defaults of PPO; its bonus is the one that CuriosityES has."""
-ANT_APT = replace(ANT, bonus="apt", bonus_kwargs={"horizon": 100, "power": 1.0})
+ANT_APT = replace(ANT, bonus="apt", bonus_kwargs=FINDS | {"horizon": 100, "power": 1.0})
 
 
 def runs_of(run: RunSpec, envs: Iterable[str], bonuses: Iterable[str | None]) -> list[RunSpec]:
     """A run in each environment with each bonus."""
-    return [replace(run, env=env, bonus=bonus) for env, bonus in product(envs, bonuses)]
+    return [
+        replace(run, env=env, bonus=bonus, bonus_kwargs=FINDS if bonus else {})
+        for env, bonus in product(envs, bonuses)
+    ]
 
 
 RUNS: dict[str, list[RunSpec]] = {
     "ppo": runs_of(PPO, MAZES, (None, *BONUSES)),
-    "recipe": runs_of(KEPT, MAZES, ["apt"]),
+    "recipe": [replace(KEPT, env=env) for env in MAZES],
+    **{
+        f"recipe/{each}": [
+            replace(KEPT, env="CuriosityMaze-v0", env_kwargs={"layout": each}, variant=each)
+        ]
+        for each in DRAWN
+    },
     "sparse": runs_of(PPO, SPARSE, (None, "apt", "ngu", "rnd")),
     **{f"ppo_parts/{part}": [replace(run, variant=part)] for part, run in PARTS.items()},
     "off_policy/sac": runs_of(SAC, MAZES, (None, *SAMPLED)),

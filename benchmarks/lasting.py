@@ -58,9 +58,9 @@ NOISES = {
     "drifting, own": Noise(is_shared=False, drifts=True),
 }
 ALGORITHMS: dict[str, Callable[..., EvolutionaryAlgorithm]] = {
-    "CuriosityES": CuriosityES,
     "CuriosityES, selective": partial(CuriosityES, bonus_kwargs={"selective": True}),
     "NSES": NSES,
+    "CuriosityES": CuriosityES,
 }
 
 
@@ -135,9 +135,10 @@ def main(
     path = out / "lasting.csv"
     known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=KEYS)
     done = set(known[KEYS].itertuples(index=False, name=None))
-    for seed, *chosen in product(range(seeds), MAZES, NOISES, ALGORITHMS):
-        if (*chosen, seed) not in done:
-            add_rows(pd.DataFrame([search(*chosen, seed, timesteps)]), path, KEYS)
+    for algorithm, seed, *task in product(ALGORITHMS, range(seeds), MAZES, NOISES):
+        key = *task, algorithm, seed
+        if key not in done:
+            add_rows(pd.DataFrame([search(*key, timesteps)]), path, KEYS)
 
 
 def search(maze: str, noise: str, algorithm: str, seed: int, timesteps: float) -> dict[str, Any]:

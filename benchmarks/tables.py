@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import typer
 
-from benchmarks import hold, paper_tables, restored
+from benchmarks import hold, lasting, paper_tables, restored
 from benchmarks.measure import markdown
 from benchmarks.paper import SETTINGS
 from benchmarks.record import read_sections
@@ -146,12 +146,14 @@ def recipe() -> str:
     kept = read_rows("recipe_kept")
     runs = read_runs("recipe").merge(kept, on=["algorithm", "env", "seed"])
     (n_episodes,) = runs["episodes"].unique()
+    mazes = runs.sort_values("env", key=lambda envs: envs.map(rank), kind="stable")
     rows = [
-        [algorithm, short_name(env), *(" / ".join(column) for column in _kept(group))]
-        for (algorithm, env), group in runs.groupby(["algorithm", "env"], sort=False)
+        # A maze that was drawn has its name behind the algorithm's.
+        [algorithm.partition(", ")[2] or short_name(env), *map(" / ".join, _kept(group))]
+        for (algorithm, env), group in mazes.groupby(["algorithm", "env"], sort=False)
     ]
     heads = ["First reward (M steps)", f"Of {n_episodes} episodes, drawn actions", "best actions"]
-    return markdown(["Algorithm", "Maze", *heads], rows)
+    return markdown(["Maze", *heads], rows)
 
 
 def _kept(group: pd.DataFrame) -> list[Iterable[str]]:
@@ -400,6 +402,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "control-random-unseen": partial(make_table, read_rows, "control_random_unseen", unseen),
     "locomotion-long-unseen": partial(make_table, read_rows, UNSEEN, unseen),
     "hold": partial(make_table, read_rows, "hold", hold.table),
+    "lasting": partial(make_table, read_rows, "lasting", lasting.table),
     "restored-words": partial(make_table, read_rows, "restored", restored.in_words),
     "restored": partial(make_table, read_rows, "restored", restored.table),
     "summary-of-speed": partial(summary_of, HEADLINES),

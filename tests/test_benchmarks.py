@@ -14,7 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from benchmarks import baselines, figures, gallery, hold, learning, pretrained, roaming, run
+from benchmarks import (
+    baselines,
+    figures,
+    gallery,
+    hold,
+    lasting,
+    learning,
+    pretrained,
+    roaming,
+    run,
+)
 from benchmarks.measure import Row, Table, interleave, number
 from curiosity_algos import make_evaluator
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
@@ -244,3 +254,30 @@ def test_mazes_are_perturbed_a_little():
         *_, expected = plain.step(action)
         *_, info = perturbed.step(action)
     assert 0.0 < np.linalg.norm(info["velocity"] - expected["velocity"]) < 3 * 0.5 * np.deg2rad(5)
+
+
+@pytest.mark.parametrize("name", ["constant, shared", "constant, own", "drifting, own"])
+def test_noise_lasts_and_is_shared_where_it_shall(name):
+    env = lasting.Noisy("CuriosityMaze-US-v0", lasting.NOISES[name], seed=0)
+    seen = [env.reset(seed=[3] * lasting.N_ENVS)[0]]
+    actions = np.zeros((lasting.N_ENVS, 2), dtype=np.float32)
+    seen += [env.step(actions)[0] for _ in range(300)]
+    assert seen[-1].shape == env.observation_space.shape
+    beside = np.array(seen)[..., -lasting.N_ENTRIES :]
+    assert beside.std() == pytest.approx(1.0, abs=0.4)
+    assert (np.ptp(beside, axis=0).max() > 0.1) == name.startswith("drifting")
+    is_shared = name.endswith("shared")
+    assert (np.ptp(beside, axis=1).max() == 0.0) == is_shared
+    again, _ = env.reset(seed=[3] * lasting.N_ENVS)
+    assert np.array_equal(again, seen[0]) == is_shared
+
+
+def test_what_lasting_noise_does_is_added_to_a_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(lasting, "MAZES", ("US",))
+    monkeypatch.setattr(lasting, "NOISES", {"own": lasting.NOISES["constant, own"]})
+    for _ in range(2):  # the second time nothing is left to do
+        lasting.main(seeds=1, timesteps=1, out=tmp_path)
+    rows = pd.read_csv(tmp_path / "lasting.csv")
+    assert rows["algorithm"].tolist() == sorted(lasting.ALGORITHMS)
+    assert (rows["timesteps"] == lasting.N_ENVS * 2000).all()
+    assert "| own | 0 of 1 | 0 of 1 | 0 of 1 |" in lasting.table(rows)

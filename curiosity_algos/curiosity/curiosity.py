@@ -115,7 +115,8 @@ class Curiosity(HasSettings):
         bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
             made for the spaces, which this then trains.
         bonus_kwargs: Keywords of a bonus that is named, see that.
-        weight: Factor of the bonus, at least 0.
+        weight: Factor of the bonus, at least 0, in units of the task's reward: small enough that a
+            rewarded episode is worth more than curiosity.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
         gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
             counts as it is.
@@ -158,7 +159,7 @@ class Curiosity(HasSettings):
         *,
         bonus: str | Bonus = "apt",
         bonus_kwargs: Mapping[str, Any] | None = None,
-        weight: float = 1.0,
+        weight: float = 0.02,
         extrinsic: bool = True,
         gamma: float | None = 0.99,
         train_interval: int | None = 2048,

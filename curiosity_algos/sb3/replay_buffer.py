@@ -31,6 +31,8 @@ from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 KIND = "BonusReplayBuffer"
+WEIGHT = 1.0
+"""Of the bonus by default: a critic learns little from rewards that are much smaller."""
 N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
 N_WHOLE = 128
@@ -56,9 +58,9 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     Until its first training it is 0; between two of them no transition is scored twice. Value
     targets stop at terminations only: the last step of a truncated episode goes on.
 
-    Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight`, `extrinsic`,
-    `gamma`, `train_interval` (None: it trains when `train_bonus` is called), `n_updates` and
-    `batch_size`.
+    Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight` (1 by default),
+    `extrinsic`, `gamma`, `train_interval` (None: it trains when `train_bonus` is called),
+    `n_updates` and `batch_size`.
 
     Args:
         buffer_size: Transitions kept of all environments, the newest: one of each at least.
@@ -113,7 +115,11 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         self._view = View(observation_space, observation_key)
         both_spaces = self._view.space, action_space
         self.curiosity = Curiosity(
-            *both_spaces, n_envs=n_envs, seed=networks_seed, device=device, **curiosity
+            *both_spaces,
+            n_envs=n_envs,
+            seed=networks_seed,
+            device=device,
+            **CuriosityKeywords({"weight": WEIGHT, **curiosity}),
         )
         check_needs_no_episodes(self.bonus, "a replay buffer")
         self._rows = rows = ObservationRows(observation_space)

@@ -66,7 +66,8 @@ def make_venv(n=2, env=Count):
 
 def wrap(venv=None, **changes):
     settings = {"seed": 0, "device": "cpu", "train_interval": 8, "n_updates": 2, "batch_size": 4}
-    return BonusVecEnvWrapper(venv or make_venv(), **({"bonus": "icm"} | settings | changes))
+    given = {"bonus": "icm", "weight": 1.0} | settings | changes
+    return BonusVecEnvWrapper(venv or make_venv(), **given)
 
 
 def wrap_trained(venv=None, bonus=None, **changes):

@@ -18,6 +18,7 @@ from toys import OFF_POLICY, Toy
 from curiosity_algos.bonuses import make
 from curiosity_algos.bonuses.base import Bonus
 from curiosity_algos.curiosity.curiosity import BonusScale
+from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 
 BONUSES = [name for name, bonus in make.BONUSES.items() if bonus.episodes is Bonus.episodes]
@@ -101,6 +102,13 @@ class TestSamples:
         assert sample.observations.item() == 0.0
         assert sample.next_observations.item() == pytest.approx(1.0)
         assert sample.rewards.item() == pytest.approx(10.0 / 2.0 + 0.5 * worth(1))
+
+
+def test_by_default_its_bonus_weighs_more_than_a_wrappers():
+    buffer = BonusReplayBuffer(9, OBSERVATIONS, ACTIONS, "cpu")
+    wrapper = BonusVecEnvWrapper(make_vec_env("Pendulum-v1"))
+    assert (buffer.weight, wrapper.weight) == (1.0, 0.02)
+    assert BonusReplayBuffer(9, OBSERVATIONS, ACTIONS, "cpu", weight=0.5).weight == 0.5
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,10 @@ from curiosity_algos.bonuses.checks import Learned, check_bonus
 from curiosity_algos.common.networks import single_torch_thread
 
 N_SIGNALS, N_CHANNELS, N_ACTIONS, BATCH_SIZE = 4, 4, 3, 256
+LENGTH = 16
+"""Transitions of an episode, which stand side by side."""
+SCREENS = ("changing", "constant", "drifting", "switched")
+"""What the television shows: noise of each step, of an episode, a walk, or anew by the button."""
 
 
 class StatePrediction(ICM):
@@ -38,8 +42,14 @@ class StatePrediction(ICM):
         self.encoder = th.nn.Identity()
 
 
-BONUSES = {"APT": APT, "ICM": ICM, "RND": RND, "state prediction": StatePrediction}
-COLORS = ["tab:red", "tab:blue", "tab:orange", "tab:green"]
+BONUSES = {
+    "APT": APT,
+    "APT, selective": partial(APT, selective=True),
+    "ICM": ICM,
+    "RND": RND,
+    "state prediction": StatePrediction,
+}
+COLORS = ["tab:red", "tab:purple", "tab:blue", "tab:orange", "tab:green"]
 
 
 def main(
@@ -53,45 +63,61 @@ def main(
     for name, bonus in BONUSES.items():
         make = partial(bonus, seed=seed, device="cpu")
         learned[name] = check_bonus(make, seed)
-        shares[name] = watch_noisy_tv(make, updates, seed)
+        shares[name] = {each: watch_noisy_tv(make, updates, seed, each) for each in SCREENS}
         seen, unseen = learned[name].seen[-1], learned[name].unseen[-1]
-        noise = shares[name][-10:].mean()
+        noise = ", ".join(
+            f"{each} {curve[-10:].mean():.0%}" for each, curve in shares[name].items()
+        )
         print(f"{name}: tiny MDP, {seen:.2g} where it was trained and {unseen:.2g} elsewhere")
-        print(f"{name}: noisy TV, {noise:.0%} of the bonus comes from noise")
+        print(f"{name}: noise's share: {noise}")
     draw_tiny_mdp(learned).savefig(out / "tiny_mdp.png")
     draw_noisy_tv(shares, updates).savefig(out / "noisy_tv.png")
 
 
-def noisy_tv(n: int, *, seed: int, is_on: bool = True) -> tuple[np.ndarray, ...]:
-    """Transitions of a walker in front of a television.
+def noisy_tv(n: int, *, seed: int, screen: str, is_on: bool = True) -> tuple[np.ndarray, ...]:
+    """Transitions of a walker in front of a television, whole episodes of `LENGTH`.
 
-    Four entries of an observation are what actions move, four are the screen: uniform noise in each
-    step that nothing predicts, or gray, its mean, where it is off.
+    Four entries of an observation are what actions move, four are the screen: noise of one of the
+    kinds in `SCREENS`, or gray, its mean, where it is off. The first action is the button.
     """
     rng = np.random.default_rng(seed)
     directions = np.random.default_rng(0).normal(0.0, 0.5, (N_ACTIONS, N_SIGNALS))
     positions = rng.uniform(-1.0, 1.0, (n, N_SIGNALS))
     actions = rng.integers(0, N_ACTIONS, n)
-    screens = rng.uniform(-1.0, 1.0, (2, n, N_CHANNELS)) * is_on
-    before = np.hstack([positions, screens[0]])
-    after = np.hstack([positions + directions[actions], screens[1]])
+    now, new = rng.uniform(-1.0, 1.0, (2, n, N_CHANNELS))
+    if screen != "changing":
+        now = now[::LENGTH].repeat(LENGTH, axis=0)[:n]
+        if screen == "switched":
+            new = np.where((actions == 0)[:, None], new, now)
+        else:
+            scale = 0.1 if screen == "drifting" else 0.0
+            walks = rng.normal(0.0, scale, (n // LENGTH, LENGTH + 1, N_CHANNELS)).cumsum(axis=1)
+            starts = now
+            now, new = (
+                starts + each.reshape(n, N_CHANNELS) for each in (walks[:, :-1], walks[:, 1:])
+            )
+    before = np.hstack([positions, now * is_on])
+    after = np.hstack([positions + directions[actions], new * is_on])
     return before.astype(np.float32), actions, after.astype(np.float32)
 
 
-def watch_noisy_tv(make_bonus: Callable[..., Bonus], n_updates: int, seed: int) -> np.ndarray:
+def watch_noisy_tv(
+    make_bonus: Callable[..., Bonus], n_updates: int, seed: int, screen: str
+) -> np.ndarray:
     """Train a bonus where a screen shows noise; the share of the bonus that is for noise alone.
 
     What is left of it before a gray screen is not: `1 - gray / noisy`, at 31 moments at most.
     """
     space = spaces.Box(-np.inf, np.inf, (N_SIGNALS + N_CHANNELS,))
     bonus = make_bonus(space, spaces.Discrete(N_ACTIONS))
-    noisy, gray = (noisy_tv(1000, seed=seed, is_on=is_on) for is_on in (True, False))
-    stream = [th.from_numpy(x) for x in noisy_tv(BATCH_SIZE * n_updates, seed=seed + 1)]
-    bonus.observe(stream[0])
+    noisy, gray = (noisy_tv(1008, seed=seed, screen=screen, is_on=each) for each in (True, False))
+    watched = noisy_tv(BATCH_SIZE * n_updates, seed=seed + 1, screen=screen)
+    stream = [th.from_numpy(each) for each in watched]
     batches = iter(zip(*(th.split(each, BATCH_SIZE) for each in stream), strict=True))
     shares = []
     with single_torch_thread():
         for n in np.diff(moments(n_updates), prepend=0):
+            bonus.observe(stream[0])
             for _ in range(n):
                 before, actions, after = next(batches)
                 bonus.update(before, actions[:, None].float(), after)
@@ -117,13 +143,19 @@ def draw_tiny_mdp(learned: dict[str, Learned]) -> Figure:
     return figure
 
 
-def draw_noisy_tv(shares: dict[str, np.ndarray], n_updates: int) -> Figure:
-    """The share of each bonus that noise brings."""
-    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-    for (name, share), color in zip(shares.items(), COLORS, strict=True):
-        axes.plot(moments(n_updates), 100 * share, color=color, label=name)
-    axes.set(xlabel="gradient steps", ylabel="bonus that comes from noise (%)", ylim=(-5, 105))
-    axes.legend()
+def draw_noisy_tv(shares: dict[str, dict[str, np.ndarray]], n_updates: int) -> Figure:
+    """The share of each bonus that noise brings, for each kind of noise."""
+    figure, axes = plt.subplots(
+        2, 2, figsize=(8, 6), sharex=True, sharey=True, layout="constrained"
+    )
+    for screen, ax in zip(SCREENS, axes.flat, strict=True):
+        for (name, curves), color in zip(shares.items(), COLORS, strict=True):
+            label = name if screen == SCREENS[0] else None
+            ax.plot(moments(n_updates), 100 * curves[screen], color=color, label=label)
+        ax.set(title=f"{screen} noise", ylim=(-5, 105))
+    figure.supxlabel("gradient steps")
+    figure.supylabel("bonus that comes from noise (%)")
+    figure.legend(loc="outside upper center", ncols=5, fontsize="small")
     return figure
 
 

@@ -92,7 +92,7 @@ def test_features_tell_what_follows_what_and_leave_out_noise():
         apt.update(*map(th.from_numpy, batch))
     moved, noisy = states[:500].copy(), states[:500].copy()
     moved[:, :2] += states[:, :2].std(axis=0)
-    noisy[:, 2:] = rng.normal(0, 1, (5000, 4))
+    noisy[:, 2:] = rng.normal(0, 1, (500, 4))
     with th.no_grad():
         here, there, elsewhere = (apt._features(each) for each in (states[:500], moved, noisy))
     assert (there - here).norm(dim=1).mean() > 3 * (elsewhere - here).norm(dim=1).mean()

@@ -51,6 +51,7 @@ with (folder / seed).open("ab") as file:
 """In the place of a training: it leaves a byte in a file of the seed's name."""
 WAIT = """
 signal.signal(signal.SIGINT, lambda *_: (folder / "interrupted").touch())
+(folder / "ready").touch()
 while not (folder / "interrupted").exists() or seed == "1":
     time.sleep(0.01)
 """
@@ -114,12 +115,12 @@ def pressing_ctrl_c(call, path):
 def test_ctrl_c_interrupts_runs_and_a_second_one_kills_them(
     seed, outcomes_of, tmp_path, monkeypatch
 ):
-    first, interrupted = tmp_path / f"{seed}", tmp_path / "interrupted"
+    ready, interrupted = tmp_path / "ready", tmp_path / "interrupted"
     outcomes = outcomes_of(WAIT, [seed])
     if seed == 1:
         wait = pressing_ctrl_c(subprocess.Popen.wait, interrupted)
         monkeypatch.setattr(subprocess.Popen, "wait", wait)
-    monkeypatch.setattr(sweeps, "_ended", pressing_ctrl_c(sweeps._ended, first))
+    monkeypatch.setattr(sweeps, "_ended", pressing_ctrl_c(sweeps._ended, ready))
     with pytest.raises(KeyboardInterrupt):
         list(outcomes)
     assert interrupted.exists()

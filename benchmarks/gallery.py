@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 import typer
 from PIL import Image
-from stable_baselines3.common.callbacks import BaseCallback
 
 from benchmarks.figures import IMAGES
+from benchmarks.until_found import UntilFound
 from curiosity_algos import CuriosityES, make_evaluator
 from curiosity_algos.evaluation.base import Evaluator
 from curiosity_algos.evaluation.policies import MlpPolicy
@@ -76,14 +76,9 @@ N_FRAMES, HEIGHT, N_COLORS = 40, 160, 32
 Frame = npt.NDArray[np.uint8]
 
 
-class _StopAtReward(BaseCallback):
-    def _on_step(self) -> bool:
-        return self.model.first_success_timesteps is None
-
-
 def find_actions(search: Search) -> tuple[npt.NDArray[Any], int]:
     """Actions of the best episode of a run's best policy, and the seed of its reset."""
-    model = CuriosityES(search.env_id, seed=0).learn(search.timesteps, callback=_StopAtReward())
+    model = CuriosityES(search.env_id, seed=0).learn(search.timesteps, callback=UntilFound())
     return act(model.evaluator, model.policy, model.best_episode_seed or 0)
 
 

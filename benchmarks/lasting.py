@@ -23,10 +23,10 @@ import typer
 from gymnasium.vector import VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers import TransformObservation
-from stable_baselines3.common.callbacks import BaseCallback
 
 from benchmarks.measure import markdown
-from benchmarks.results import FOLDER, add_rows
+from benchmarks.results import FOLDER, add_rows, recorded
+from benchmarks.until_found import UntilFound
 from curiosity_algos import NSES, CuriosityES
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 
@@ -117,15 +117,6 @@ class Noisy(VectorEnv[Any, Any, Any]):
         return np.hstack([observations, self._beside]), *rest
 
 
-class UntilFound(BaseCallback):
-    """Ends a search with its first success."""
-
-    model: EvolutionaryAlgorithm
-
-    def _on_step(self) -> bool:
-        return self.model.first_success_timesteps is None
-
-
 def main(
     seeds: Annotated[int, typer.Option(min=1, help="Runs of each, from seed 0 on.")] = 5,
     timesteps: float = 1e7,
@@ -133,8 +124,7 @@ def main(
 ) -> None:
     """Search each maze beside each noise with each algorithm, until the first success."""
     path = out / "lasting.csv"
-    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=KEYS)
-    done = set(known[KEYS].itertuples(index=False, name=None))
+    done = recorded(path, KEYS)
     for algorithm, seed, *task in product(ALGORITHMS, range(seeds), MAZES, NOISES):
         key = *task, algorithm, seed
         if key not in done:

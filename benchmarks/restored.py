@@ -21,7 +21,7 @@ import typer
 
 from benchmarks.figures import IMAGES
 from benchmarks.measure import markdown
-from benchmarks.results import FOLDER, add_rows
+from benchmarks.results import FOLDER, add_rows, recorded
 from curiosity_algos import GoExplore
 from curiosity_algos.robust.solve import Enough
 from curiosity_gym.maze.plots import draw_layout
@@ -89,8 +89,7 @@ def run(
 ) -> None:
     """Search until the first success, and note when it came."""
     path = out / "restored.csv"
-    known = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=KEYS)
-    done = set(known[KEYS].itertuples(index=False, name=None))
+    done = recorded(path, KEYS)
     for seed in range(seeds):
         for task in tasks or TASKS:
             for behavior in behaviors.split(","):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -98,6 +99,13 @@ def add_rows(
 def read_runs(name: str, folder: Path = FOLDER) -> pd.DataFrame:
     """A row for each run, in order."""
     return in_order(pd.read_csv(folder / f"{name}.csv"))
+
+
+def recorded(path: Path, keys: list[str]) -> set[tuple[Any, ...]]:
+    """The keys of the rows that a CSV file has, if there is one."""
+    if not path.exists():
+        return set()
+    return set(pd.read_csv(path)[keys].itertuples(index=False, name=None))
 
 
 def rank(env: str) -> int:

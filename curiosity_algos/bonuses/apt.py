@@ -127,8 +127,9 @@ class APT(NetworkBonus):
         self.memory.outdate()
         if self.selective:
             begins, taken, ends = (x.to(self.device) for x in (before, actions, after))
-            both = super().inputs(begins), self.encode_actions(taken), super().inputs(ends)
-            self.foretold.learn(*both)
+            # Of all entries, those that the features leave out among them.
+            ungated = super().inputs
+            self.foretold.learn(ungated(begins), self.encode_actions(taken), ungated(ends))
         return super().update(before, actions, after)
 
     def inputs(self, observations: th.Tensor) -> th.Tensor:

@@ -66,7 +66,7 @@ def main(
         shares[name] = {each: watch_noisy_tv(make, updates, seed, each) for each in SCREENS}
         seen, unseen = learned[name].seen[-1], learned[name].unseen[-1]
         noise = ", ".join(
-            f"{each} {curve[-10:].mean():.0%}" for each, curve in shares[name].items()
+            f"{each} {round(100 * curve[-10:].mean())}%" for each, curve in shares[name].items()
         )
         print(f"{name}: tiny MDP, {seen:.2g} where it was trained and {unseen:.2g} elsewhere")
         print(f"{name}: noise's share: {noise}")

@@ -132,14 +132,14 @@ def moments(n_updates: int) -> np.ndarray:
 
 def draw_tiny_mdp(learned: dict[str, Learned]) -> Figure:
     """The bonus of what was seen, solid, and of what was not, dashed."""
-    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(8, 4), layout="constrained")
     for (name, curves), color in zip(learned.items(), COLORS, strict=True):
         start = curves.seen[0]
         axes.plot(curves.n_updates, curves.seen / start, color=color, label=f"{name}, seen")
         axes.plot(curves.n_updates, curves.unseen / start, "--", color=color, label="not seen")
     axes.set(xlabel="gradient steps", ylabel="bonus, as a multiple of the first", yscale="log")
     axes.set_ylim(bottom=1e-4)
-    figure.legend(loc="outside upper center", ncols=4, fontsize="small")
+    figure.legend(loc="outside upper center", ncols=len(learned), fontsize="small")
     return figure
 
 

@@ -13,8 +13,8 @@ ARGUMENTS = {
     "ray_cluster.py": ["--timesteps", "1e4", "--workers", "1"],
     "quality_diversity.py": ["--timesteps", "2e5", "--target", "60", "40"],
 }
-NEEDS = {"ale_py": ("ale_py", "cv2"), "minigrid": ("minigrid",)}
-"""Of a page that imports the first, what must be there: Atari's games are no dependency."""
+NEEDS = {"ale_py": ("ale_py", "cv2"), "envpool": ("envpool",), "minigrid": ("minigrid",)}
+"""Of a page that imports the first, what must be there, as it is no dependency."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 

@@ -15,7 +15,7 @@ from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.arrays import Array, Mask
 from curiosity_algos.evaluation.batches import has_generators, info_rows
 from curiosity_algos.evaluation.environments import env_attributes
 from curiosity_algos.sb3.observations import check_sb3_takes
@@ -27,28 +27,28 @@ class GymnasiumVecEnv(VecEnv):
     """A Gymnasium VectorEnv for Stable-Baselines3's algorithms: native ones, and any other.
 
     Step for step what a DummyVecEnv of its single environments gives; `VecMonitor` around it
-    records episodes, as a `Monitor` does of one.
+    records episodes, as a `Monitor` does of one. In every autoreset mode an episode begins in the
+    step that ends the one before: where the VectorEnv begins none by itself, it is told to, by
+    `reset(options={"reset_mask": ...})`. So EnvPool's are taken, too.
 
     Args:
-        vector_env: The VectorEnv, made with `autoreset_mode=AutoresetMode.SAME_STEP`:
-            Stable-Baselines3 expects a new episode from the step that ends one.
+        vector_env: The VectorEnv, one of EnvPool's without a `batch_size`. Those made with
+            `autoreset_mode=AutoresetMode.SAME_STEP` save a call at each end.
 
     Attributes:
         vector_env: The VectorEnv.
 
     Raises:
-        ValueError: If it does not reset in that step.
+        ValueError: If it does not step all its envs at once.
     """
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
-        mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
-        if AutoresetMode(mode) != AutoresetMode.SAME_STEP:
+        if getattr(vector_env, "is_async", False):  # of EnvPool
             raise ValueError(
-                "`vector_env` must begin an episode in the step that ends the one before, as "
-                "Stable-Baselines3 does: give `gymnasium.make_vec` "
-                "autoreset_mode=AutoresetMode.SAME_STEP (of gymnasium.vector) for a native one, "
-                "and vector_kwargs={'autoreset_mode': AutoresetMode.SAME_STEP} for any other."
+                "`vector_env` must step all its envs at once: make EnvPool's without `batch_size`."
             )
+        mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+        self._begins_itself = AutoresetMode(mode) == AutoresetMode.SAME_STEP
         self.vector_env = vector_env
         self._actions: Array = np.empty(0)
         spaces = vector_env.single_observation_space, vector_env.single_action_space
@@ -81,8 +81,19 @@ class GymnasiumVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Take the step; where an episode ends, another begins."""
         observations, rewards, terminated, truncated, infos = self.vector_env.step(self._actions)
+        observations = deepcopy(observations)
         ended = np.logical_or(terminated, truncated)
         rows = info_rows(infos, self.num_envs)
+        if ended.any() and self._begins_itself:
+            self._note_ends(ended, rows, infos)
+        elif ended.any():
+            self._begin_anew(ended, rows, observations)
+        for row, was_cut in zip(rows, (truncated & ~terminated).tolist(), strict=True):
+            row["TimeLimit.truncated"] = was_cut
+        return observations, np.asarray(rewards, dtype=np.float32), ended, rows
+
+    def _note_ends(self, ended: Mask, rows: list[dict[str, Any]], infos: dict[str, Any]) -> None:
+        """Tell in the infos of ended episodes how they ended; others have begun in their place."""
         last = info_rows(infos.get("final_info", {}), self.num_envs)
         for i in np.flatnonzero(ended).tolist():
             begun, rows[i] = rows[i], last[i]
@@ -90,9 +101,19 @@ class GymnasiumVecEnv(VecEnv):
                 rows[i].setdefault("episode", begun.pop("episode"))
             self.reset_infos[i] = begun
             rows[i]["terminal_observation"] = infos["final_obs"][i]
-        for row, was_cut in zip(rows, (truncated & ~terminated).tolist(), strict=True):
-            row["TimeLimit.truncated"] = was_cut
-        return deepcopy(observations), np.asarray(rewards, dtype=np.float32), ended, rows
+
+    def _begin_anew(self, ended: Mask, rows: list[dict[str, Any]], observations: Any) -> None:
+        """Begin an episode in place of each that ended, whose observations are then the first."""
+        begun, infos = self.vector_env.reset(options={"reset_mask": ended})
+        places = np.flatnonzero(ended)
+        # Gymnasium's give observations and infos of all envs, EnvPool's of those that began.
+        n_given = len(next(iter(begun.values())) if isinstance(begun, dict) else begun)
+        given = places if n_given == self.num_envs else np.arange(n_given)
+        first = info_rows(infos, n_given)
+        for i, j in zip(places.tolist(), given.tolist(), strict=True):
+            rows[i]["terminal_observation"] = _take(observations, i)
+            self.reset_infos[i] = first[j]
+            _put(observations, i, _take(begun, j))
 
     def close(self) -> None:
         self.vector_env.close()
@@ -139,6 +160,22 @@ class GymnasiumVecEnv(VecEnv):
         envs = getattr(self.vector_env.unwrapped, "envs", None)
         chosen = self._get_indices(indices)
         return [envs is not None and is_wrapped(envs[i], wrapper_class) for i in chosen]
+
+
+def _take(observations: Any, i: int) -> Any:
+    """A copy of number i of a batch of observations."""
+    if isinstance(observations, dict):
+        return {name: _take(entry, i) for name, entry in observations.items()}
+    return np.array(observations[i])
+
+
+def _put(observations: Any, i: int, one: Any) -> None:
+    """Write an observation as number i of a batch."""
+    if isinstance(observations, dict):
+        for name, entry in observations.items():
+            _put(entry, i, one[name])
+    else:
+        observations[i] = one
 
 
 def open_batch(make: Callable[[], gym.Env[Any, Any]], n: int) -> VecEnv:

@@ -5,7 +5,7 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorWrapper
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from packaging.version import Version
 from stable_baselines3 import DQN, PPO
@@ -41,7 +41,7 @@ def make_async(mode, make=make_cartpole):
 
 
 class Described(gym.Env):
-    """One that observes a dictionary, and tells nothing but now and then."""
+    """One that observes a dictionary, tells nothing but now and then, and ends at any time."""
 
     observation_space = gym.spaces.Dict(
         {"place": gym.spaces.Box(-9, 9, (2,)), "t": gym.spaces.Discrete(9)}
@@ -52,16 +52,31 @@ class Described(gym.Env):
         super().reset(seed=seed)
         self.t, self.options = 0, options
         self.place = self.np_random.uniform(-1, 1, 2).astype(np.float32)
+        self.length = self.np_random.integers(3, 7)
         return self.observe(), {"begin": self.place.copy()}
 
     def step(self, action):
         self.t += 1
         self.place += action - 0.5
         info = {"nested": {"twice": 2.0 * self.place[0]}} if self.t % 2 else {"t": self.t}
-        return self.observe(), 0.1, self.t == 5, False, info
+        return self.observe(), 0.1, self.t == self.length, False, info
 
     def observe(self):
         return {"place": self.place.copy(), "t": self.t}
+
+
+class Pool(VectorWrapper):
+    """One that gives observations and infos of those that it resets alone, as EnvPool does."""
+
+    is_async = False
+
+    def reset(self, *, seed=None, options=None):
+        observations, infos = self.env.reset(seed=seed, options=dict(options or {}))
+        chosen = np.ones(N, np.bool_) if options is None else options["reset_mask"]
+        infos = {key: values[chosen] for key, values in infos.items()}
+        if isinstance(observations, dict):
+            return {key: entry[chosen] for key, entry in observations.items()}, infos
+        return observations[chosen], infos
 
 
 KINDS = {
@@ -72,13 +87,16 @@ KINDS = {
     "sync": (make_sync, make_cartpole),
     "async": (make_async, make_cartpole),
     "dictionary": (partial(make_sync, make=Described), Described),
+    "pool": (lambda mode: Pool(make_sync(mode)), make_cartpole),
+    "pool of dictionaries": (lambda mode: Pool(make_sync(mode, make=Described)), Described),
 }
 
 
+@pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize("kind", KINDS)
-def test_equals_a_dummy_vec_env(kind):
+def test_equals_a_dummy_vec_env(kind, mode):
     make, make_single = KINDS[kind]
-    ours, theirs = GymnasiumVecEnv(make(AutoresetMode.SAME_STEP)), DummyVecEnv([make_single] * N)
+    ours, theirs = GymnasiumVecEnv(make(mode)), DummyVecEnv([make_single] * N)
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
     for each in (ours, theirs):
@@ -175,10 +193,11 @@ class TestAlgorithms:
 
 
 class TestMistakes:
-    @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP])
-    def test_no_new_episode_in_the_step_that_ends_one(self, mode):
-        with pytest.raises(ValueError, match="`vector_env` must begin an episode in"):
-            GymnasiumVecEnv(make_native(mode))
+    def test_not_all_envs_step_at_once(self):
+        pool = Pool(make_sync(AutoresetMode.NEXT_STEP))
+        pool.is_async = True
+        with pytest.raises(ValueError, match="`vector_env` must step all its envs at once"):
+            GymnasiumVecEnv(pool)
 
     def test_options_for_each(self):
         venv = GymnasiumVecEnv(make_sync(AutoresetMode.SAME_STEP, Described))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from curiosity_algos.bonuses.disagreement import Disagreement as Disagreement
     from curiosity_algos.bonuses.e3b import E3B as E3B
     from curiosity_algos.bonuses.encoders import SmallCNN as SmallCNN
+    from curiosity_algos.bonuses.etd import ETD as ETD
     from curiosity_algos.bonuses.icm import ICM as ICM
     from curiosity_algos.bonuses.ngu import NGU as NGU
     from curiosity_algos.bonuses.noveld import NovelD as NovelD
@@ -53,6 +54,7 @@ _MODULES = {
     "AURORA": "algorithms.aurora",
     "CMAME": "algorithms.cma_me",
     "E3B": "bonuses.e3b",
+    "ETD": "bonuses.etd",
     "ICM": "bonuses.icm",
     "NGU": "bonuses.ngu",
     "NSES": "algorithms.nses",

@@ -14,6 +14,7 @@ from curiosity_algos.bonuses.base import Bonus, NetworkKeywords, keyword_only
 from curiosity_algos.bonuses.disagreement import Disagreement
 from curiosity_algos.bonuses.e3b import E3B
 from curiosity_algos.bonuses.encoders import ImageInputs, action_size
+from curiosity_algos.bonuses.etd import ETD
 from curiosity_algos.bonuses.icm import ICM
 from curiosity_algos.bonuses.ngu import NGU
 from curiosity_algos.bonuses.noveld import NovelD
@@ -25,7 +26,7 @@ from curiosity_algos.state.tree import encode
 from curiosity_gym.validation import check_at_least_one, check_choice
 
 BONUSES: dict[str, Callable[..., Bonus]] = {
-    each.name: each for each in (APT, Disagreement, E3B, ICM, NGU, NovelD, RAMP, RND)
+    each.name: each for each in (APT, Disagreement, E3B, ETD, ICM, NGU, NovelD, RAMP, RND)
 }
 FOR_ONE_POLICY: dict[str, dict[str, Any]] = {
     "apt": {"horizon": 10, "power": 3.0},

@@ -6,7 +6,6 @@ Badia et al. 2020, "Never Give Up: Learning Directed Exploration Strategies"
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Unpack
 
 import numpy as np
@@ -15,11 +14,11 @@ from gymnasium import spaces
 
 from curiosity_algos.bonuses.base import Losses, NetworkKeywords, refuse_transitions
 from curiosity_algos.bonuses.encoders import InverseFeatures
+from curiosity_algos.bonuses.episode_features import EpisodeFeatures
 from curiosity_algos.bonuses.rnd import RND
-from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
+from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.common.randomness import integer_seed, torch_generator
-from curiosity_algos.state.check import check_like
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_whole
 
@@ -95,10 +94,14 @@ class NGU(RND):
     score = refuse_transitions
 
     def score_trajectory(self, observations: Array, actions: Array) -> Float32Array:
-        features = self.features(observations)
-        scores = np.empty(len(features) - 1)
-        visit(features, 1, np.empty(self.n_neighbors), self.mean_distance, scores)
+        scores = self.compare(self.features(observations), 1)
         return np.asarray(scores * self.ratios(observations[1:]), dtype=np.float32)
+
+    def compare(self, features: Float64Array, begin: int) -> Float64Array:
+        """How new in the episode is each of features (T, F) from `begin` on, (T - begin,)."""
+        scores = np.empty(len(features) - begin)
+        visit(features, begin, np.empty(self.n_neighbors), self.mean_distance, scores)
+        return scores
 
     @property
     def mean_distance(self) -> float:
@@ -108,7 +111,7 @@ class NGU(RND):
 
     def episodes(self, n: int) -> Neighbors:
         """A memory for n episodes side by side."""
-        return Neighbors(self, n)
+        return Neighbors(self, n, self.n_features)
 
     @th.no_grad()
     def features(self, observations: Array) -> Float64Array:
@@ -133,51 +136,14 @@ def _take(values: th.Tensor, statistics: RunningNormalizer) -> None:
     statistics.count.clamp_(max=MEMORY)
 
 
-class Neighbors:
-    """The features of what each of n episodes has come to so far; see `Episodes`."""
+class Neighbors(EpisodeFeatures):
+    """The features of n episodes, and what is new in all of training besides."""
 
-    def __init__(self, bonus: NGU, n: int) -> None:
-        self._bonus = bonus
-        self._features = np.zeros((n, 1, bonus.n_features))  # grows with the longest episode
-        self._n_held = np.zeros(n, dtype=np.int64)
+    _bonus: NGU
 
     def score(self, before: Array, actions: Array, after: Any) -> Float32Array:
-        every = np.arange(len(self._n_held))
-        begin = every[self._n_held == 0]
-        if len(begin):
-            self._remember(before[begin], begin)
-        self._remember(after, every)
-        scores, nearest = np.empty(len(every)), np.empty(self._bonus.n_neighbors)
-        mean = self._bonus.mean_distance
-        for i, n in enumerate(self._n_held.tolist()):
-            visit(self._features[i, :n], n - 1, nearest, mean, scores[i : i + 1])
+        scores = super().score(before, actions, after)
         return np.asarray(scores * self._bonus.ratios(after), dtype=np.float32)
-
-    def _remember(self, observations: Array, episodes: Int64Array) -> None:
-        self._make_room(self._n_held.max() + 1)
-        self._features[episodes, self._n_held[episodes]] = self._bonus.features(observations)
-        self._n_held[episodes] += 1
-
-    def _make_room(self, n: int) -> None:
-        n_more = max(n, 2 * self._features.shape[1]) - self._features.shape[1]
-        if n > self._features.shape[1]:
-            self._features = np.pad(self._features, ((0, 0), (0, n_more), (0, 0)))
-
-    def end(self, dones: Mask) -> None:
-        self._n_held[dones] = 0
-
-    def state_dict(self) -> dict[str, Any]:
-        held = zip(self._features, self._n_held, strict=True)
-        return {"features": [features[:n].copy() for features, n in held]}
-
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        none = np.empty((0, self._bonus.n_features))
-        check_like(state, {"features": [none for _ in self._n_held]}, "episodes")
-        held = state["features"]
-        self._n_held = np.array([len(each) for each in held])
-        self._make_room(self._n_held.max())
-        for features, each in zip(self._features, held, strict=True):
-            features[: len(each)] = each
 
 
 @compiled

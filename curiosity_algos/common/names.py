@@ -33,7 +33,7 @@ _PACKAGES: dict[str, str] = {
 }
 KNOWN = tuple(_PACKAGES)
 """All of them."""
-BONUS_NAMES = ("apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd")
+BONUS_NAMES = ("apt", "disagreement", "e3b", "etd", "icm", "ngu", "noveld", "ramp", "rnd")
 """Bonuses, as `curiosity_algos.bonuses.make` makes them: with PyTorch, which takes seconds."""
 ENVIRONMENTS = tuple(SPECS)
 

@@ -112,8 +112,8 @@ class Curiosity(HasSettings):
     Args:
         observation_space: Box of vectors or images.
         action_space: One-dimensional Box, or Discrete.
-        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
-            made for the spaces, which this then trains.
+        bonus: "apt", "disagreement", "e3b", "etd", "icm", "ngu", "noveld", "ramp", "rnd", or a
+            `Bonus` made for the spaces, which this then trains.
         bonus_kwargs: Keywords of a bonus that is named, see that.
         weight: Factor of the bonus, at least 0, in units of the task's reward: small enough that a
             rewarded episode is worth more than curiosity.

@@ -18,9 +18,9 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
     """Holds the curiosity of trajectories, beside whatever search a class after it has.
 
     Args:
-        bonus: "apt", "disagreement", "e3b", "icm", "ngu", "noveld", "ramp", "rnd", or a `Bonus`
-            made for what it sees of the environment's spaces, which this then trains: the policy's
-            `seen.space` and `acted.space`.
+        bonus: "apt", "disagreement", "e3b", "etd", "icm", "ngu", "noveld", "ramp", "rnd", or a
+            `Bonus` made for what it sees of the environment's spaces, which this then trains: the
+            policy's `seen.space` and `acted.space`.
         bonus_kwargs: Keywords of a bonus that is named, see that (`learning_rate`, ...).
         n_transitions: m, transitions of each individual kept for training.
         n_updates: p, the bonus' gradient steps a generation.

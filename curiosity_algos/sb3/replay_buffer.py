@@ -82,7 +82,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
 
     Raises:
         ValueError: If an argument is out of its range, the spaces are of another kind, or the bonus
-            asks what an episode has seen, as `E3B`, `NGU` and `NovelD` do.
+            asks what an episode has seen, as `E3B`, `ETD`, `NGU` and `NovelD` do.
     """
 
     bonus, bonus_kwargs, metrics = OfCuriosity(), OfCuriosity(), OfCuriosity()

@@ -263,7 +263,7 @@ def makers(observation_space, action_space, make_model, algorithms):
         return env
 
     settings = {"buffer_size": 10, "device": "cpu", "bonus_kwargs": {"hidden": 4}}
-    off_policy = BONUSES.keys() - {"e3b", "ngu", "noveld"}
+    off_policy = BONUSES.keys() - {"e3b", "etd", "ngu", "noveld"}
     both = {"observation_space": observation_space, "action_space": action_space}
     return [
         [functools.partial(make_model, each, make_env()) for each in algorithms],

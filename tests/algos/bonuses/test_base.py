@@ -25,6 +25,7 @@ CASES = [
     ("ngu", "flat-discrete"),
     ("disagreement", "flat-discrete"),
     ("disagreement", "images-first"),
+    ("etd", "images-first"),
     ("ramp", "images-last"),
     ("noveld", "images-last"),
     ("apt", "images-last"),

@@ -1,4 +1,5 @@
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from curiosity_algos.bonuses.checks import check_episodes
 from curiosity_algos.bonuses.make import BONUSES
 
 SPACES = spaces.Box(-1, 1, (6,)), spaces.Box(-1, 1, (2,))
-NAMES = ["e3b", "ngu", "noveld"]
+NAMES = ["e3b", "etd", "ngu", "noveld"]
 EVERY = pytest.mark.parametrize("name", NAMES)
 
 
@@ -29,6 +30,23 @@ def test_a_memory_that_never_forgets_is_found(name, monkeypatch):
     monkeypatch.setattr(memory, "end", lambda self, dones: None)
     with pytest.raises(AssertionError, match="must be the same"):
         check_episodes(maker(name))
+
+
+@EVERY
+def test_the_end_of_one_leaves_the_others(name):
+    places = make_observations(8)
+    steps = places[:6].reshape(3, 2, 6)  # of two episodes
+    actions = np.zeros((2, 2), dtype=np.float32)
+    bonus = maker(name)(*SPACES)
+    both, left = bonus.episodes(2), bonus.episodes(2)
+    for before, after in pairwise(steps):
+        for each in (both, left):
+            each.score(before, actions, after)
+    both.end(np.array([True, False]))
+    # The other comes back to where it was, and the first begins with what was new to it.
+    again = np.stack([places[6], steps[0, 1]])
+    scores = [each.score(steps[2], actions, again)[1] for each in (both, left)]
+    assert scores[0] == scores[1]
 
 
 @EVERY

@@ -91,6 +91,7 @@ def test_an_object_gives_each_transition_one_score():
         ("icm", "beta", 1.1),
         ("disagreement", "n_models", 1),
         ("e3b", "ridge", 0.0),
+        ("etd", "horizon", 0),
         ("icm", "hidden", 1.5),
         ("icm", "device", "nope"),
         ("ngu", "n_neighbors", 64),
@@ -109,6 +110,6 @@ def test_arguments_are_named(bonus, name, value):
 def test_anything_else_is_no_bonus(bonus):
     with pytest.raises(
         ValueError,
-        match="`bonus` must be one of apt, disagreement, e3b, icm, ngu, noveld, ramp, rnd",
+        match="`bonus` must be one of apt, disagreement, e3b, etd, icm, ngu, noveld, ramp, rnd",
     ):
         check_bonus_choice(bonus, {})

@@ -77,7 +77,7 @@ class TestScore:
             highest = values[-max(1, n_states // 4) :]
             assert scores[i] == pytest.approx(sum(highest) / len(highest), rel=1e-5)
 
-    @pytest.mark.parametrize("bonus", ["e3b", "ngu", "noveld"])
+    @pytest.mark.parametrize("bonus", ["e3b", "etd", "ngu", "noveld"])
     def test_a_bonus_with_a_memory_sees_every_state(self, bonus):
         rollouts = make_rollouts()
         motivation = make_motivation(bonus, n_states=8, gamma=1.0)

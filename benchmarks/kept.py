@@ -1,7 +1,7 @@
 """Whether the last policy of a run comes to the goal: `python -m benchmarks.kept NAME` counts.
 
 The runs are those of `python -m benchmarks.bonuses NAME`. Exploration may find a goal to which the
-policy that it leaves behind never comes back.
+policy that it leaves behind never comes back. When it came back reliably is read from the run's log.
 """
 
 from __future__ import annotations
@@ -11,21 +11,27 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
+import pandas as pd
 import typer
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from benchmarks.results import FOLDER, KEYS, add_rows, label
+from benchmarks.results import FOLDER, KEYS, add_rows, label, steps_of_one
 from curiosity_algos.common.names import find_algorithm
-from curiosity_algos.experiments import load_runs
+from curiosity_algos.experiments import load_progress, load_runs
 from curiosity_algos.experiments.env_spec import make_env
+from curiosity_algos.experiments.progress_log import TIMESTEPS
 from curiosity_algos.experiments.run_folder import RunFolder
 
 N_ENVS = 8
 SEED = 10_000
 """Of actions that are drawn, and of starts."""
+RELIABLE = 0.9
+"""The share of the last 100 episodes from which on a run comes to the goal reliably."""
+RATE = "rollout/success_rate"
+"""Stable-Baselines3's name of that share."""
 
 
 def main(
@@ -41,7 +47,16 @@ def main(
     for column, is_best in (("drawn", False), ("best", True)):
         counts = [count(Path(run), episodes, is_best=is_best) for run in table["run"]]
         table[column] = counts
-    add_rows(table[[*KEYS, "episodes", "drawn", "best"]], out / f"{name}_kept.csv", KEYS)
+    table["reliable_timesteps"] = table["run"].map(reliable_timesteps(runs / name))
+    table["reliable_timesteps"] *= steps_of_one(table)
+    columns = [*KEYS, "episodes", "drawn", "best", "reliable_timesteps"]
+    add_rows(table[columns], out / f"{name}_kept.csv", KEYS)
+
+
+def reliable_timesteps(runs: Path) -> pd.Series:
+    """Of each run that came to that, the first logged timesteps at which it comes reliably."""
+    curves = load_progress(runs)
+    return curves[curves[RATE] >= RELIABLE].groupby("run")[TIMESTEPS].min()
 
 
 def count(path: Path, n_episodes: int, *, is_best: bool) -> int:

@@ -40,7 +40,7 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     What is measured anew replaces what was there.
     """
     table = load_runs(runs)
-    n_held = table[HELD].fillna(1) if HELD in table else pd.Series(1, table.index)
+    n_held = steps_of_one(table)
     for column in ("timesteps", "first_success_timesteps"):
         table[column] *= n_held
     table["algorithm"] = label(table, runs)
@@ -53,6 +53,11 @@ def collect(runs: Path, name: str, folder: Path = FOLDER) -> None:
     curves["algorithm"] = curves["run"].map(labels)
     parts = [_thin(curve) for _, curve in curves.groupby(KEYS)]
     add_rows(pd.concat(parts), folder / f"{name}_curves.csv", KEYS)
+
+
+def steps_of_one(table: pd.DataFrame) -> pd.Series:
+    """Steps of the environment that are one of the algorithm's, for each run."""
+    return table[HELD].fillna(1) if HELD in table else pd.Series(1, table.index)
 
 
 def label(table: pd.DataFrame, runs: Path) -> pd.Series:

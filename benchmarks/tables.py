@@ -152,16 +152,18 @@ def recipe() -> str:
         [algorithm.partition(", ")[2] or short_name(env), *map(" / ".join, _kept(group))]
         for (algorithm, env), group in mazes.groupby(["algorithm", "env"], sort=False)
     ]
-    heads = ["First reward (M steps)", f"Of {n_episodes} episodes, drawn actions", "best actions"]
+    times = ["First reward (M steps)", "90 of the last 100"]
+    heads = [*times, f"Of {n_episodes} episodes, drawn actions", "best actions"]
     return markdown(["Maze", *heads], rows)
 
 
 def _kept(group: pd.DataFrame) -> list[Iterable[str]]:
-    """First rewards, and episodes in which the last policies come to the goal, of each seed."""
-    firsts = [
-        "never" if pd.isna(x) else _short(x / 1e6, 1) for x in group["first_success_timesteps"]
+    """Of each seed when it found and came back, and how often its last policy comes to the goal."""
+    times = [
+        ["never" if pd.isna(x) else _short(x / 1e6, 1) for x in group[f"{what}_timesteps"]]
+        for what in ("first_success", "reliable")
     ]
-    return [firsts, group["drawn"].map(str), group["best"].map(str)]
+    return [*times, group["drawn"].map(str), group["best"].map(str)]
 
 
 def parts() -> str:

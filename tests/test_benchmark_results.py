@@ -116,6 +116,9 @@ def test_kept_goals_are_counted_for_each_run(tmp_path, monkeypatch):
     kept.main("recipe", tmp_path, episodes=9, out=tmp_path)
     counted = results.read_rows("recipe_kept", tmp_path).set_index("algorithm")
     assert counted[["episodes", "drawn", "best"]].to_numpy().tolist() == [[9, 0, 0], [9, 9, 9]]
+    never, soon = counted["reliable_timesteps"]
+    assert np.isnan(never)
+    assert soon == 1280  # of 16 environments and 8 decisions of 10 steps each
 
 
 @pytest.mark.extra("control")

@@ -56,6 +56,7 @@ PARTS = {
 """Other settings of the recipe, one at a time."""
 KEPT = replace(APT, timesteps=3e6, bonus_kwargs={})
 """With the weight and a budget at which the policy learns to come back to what it has found."""
+WEIGHTS = (0.002, 0.02, 0.2, 2.0)
 DRAWN = ("perfect-8x8-seed10", "loops-8x8-seed10", "rooms-4x4-door8-seed10")
 """Mazes drawn at random, on none of which anything was tuned."""
 ANT = RunSpec("PPO", WORLDS[0], 0, 1e6, n_envs=8)
@@ -80,6 +81,10 @@ RUNS: dict[str, list[RunSpec]] = {
         ]
         for each in DRAWN
     },
+    "weights": [
+        replace(KEPT, env=env, bonus_kwargs={"weight": weight}, variant=f"weight={weight:g}")
+        for env, weight in product((US, MAZES[2], SPARSE[1]), WEIGHTS)
+    ],
     "sparse": runs_of(PPO, SPARSE, (None, "apt", "ngu", "rnd")),
     **{f"ppo_parts/{part}": [replace(run, variant=part)] for part, run in PARTS.items()},
     "off_policy/sac": runs_of(SAC, MAZES, (None, *SAMPLED)),

@@ -1,12 +1,13 @@
 """Whether the last policy of a run comes to the goal: `python -m benchmarks.kept NAME` counts.
 
 The runs are those of `python -m benchmarks.bonuses NAME`. Exploration may find a goal to which the
-policy that it leaves behind never comes back. When it came back reliably is read from the run's log.
+policy that it leaves behind never comes back. When it came back
+reliably is read from the run's log.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,9 +19,21 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from benchmarks.results import FOLDER, KEYS, add_rows, label, steps_of_one
+from benchmarks.measure import markdown
+from benchmarks.results import (
+    FOLDER,
+    KEYS,
+    add_rows,
+    label,
+    rank,
+    read_rows,
+    read_runs,
+    steps_of_one,
+)
+from benchmarks.run_tables import short
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments import load_progress, load_runs
+from curiosity_algos.experiments.canvas import short_name
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.progress_log import TIMESTEPS
 from curiosity_algos.experiments.run_folder import RunFolder
@@ -79,6 +92,31 @@ def count(path: Path, n_episodes: int, *, is_best: bool) -> int:
     )
     venv.close()
     return sum(successes)
+
+
+def table() -> str:
+    """When runs of the recipe found the goal, and how often their last policies come back to it."""
+    kept = read_rows("recipe_kept")
+    runs = read_runs("recipe").merge(kept, on=["algorithm", "env", "seed"])
+    (n_episodes,) = runs["episodes"].unique()
+    mazes = runs.sort_values("env", key=lambda envs: envs.map(rank), kind="stable")
+    rows = [
+        # A maze that was drawn has its name behind the algorithm's.
+        [algorithm.partition(", ")[2] or short_name(env), *map(" / ".join, _cells(group))]
+        for (algorithm, env), group in mazes.groupby(["algorithm", "env"], sort=False)
+    ]
+    times = ["First reward (M steps)", "90 of the last 100"]
+    heads = [*times, f"Of {n_episodes} episodes, drawn actions", "best actions"]
+    return markdown(["Maze", *heads], rows)
+
+
+def _cells(group: pd.DataFrame) -> list[Iterable[str]]:
+    """Of each seed when it found and came back, and how often its last policy comes to the goal."""
+    times = [
+        ["never" if pd.isna(x) else short(x / 1e6, 1) for x in group[f"{what}_timesteps"]]
+        for what in ("first_success", "reliable")
+    ]
+    return [*times, group["drawn"].map(str), group["best"].map(str)]
 
 
 if __name__ == "__main__":

@@ -21,10 +21,12 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 
+from benchmarks.measure import markdown
 from benchmarks.pool import run_all
 from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import BonusVecEnvWrapper, SmallCNN
 from curiosity_algos.bonuses.make import BONUSES
+from curiosity_algos.experiments.canvas import short_name
 
 FRAMES = {"MiniGrid-DoorKey-8x8-v0": 122_880, "MiniGrid-KeyCorridorS3R3-v0": 491_520}
 """Of each task."""
@@ -101,6 +103,19 @@ def main(
     run_all(train, product([runs], FRAMES, bonuses.split(","), map(int, seeds.split(","))), jobs)
     table = pd.concat(map(pd.read_csv, sorted(runs.glob("*.csv"))))
     add_rows(table, out / "minigrid.csv", ["algorithm", "env", "seed"])
+
+
+def table(values: pd.DataFrame) -> str:
+    """A row for each algorithm: when the mean return of each seed is .9, and what it ends at."""
+    rows = []
+    for (env, algorithm), runs in values.groupby(["env", "algorithm"], sort=False):
+        last = runs.groupby("seed")["return"].last()
+        solved = runs[runs["return"] >= 0.9].groupby("seed")["frames"].min().reindex(last.index)
+        frames = " / ".join("never" if pd.isna(each) else f"{each:,.0f}" for each in solved)
+        returns = " / ".join(f"{each:.2f}" for each in last)
+        rows.append([env, -last.mean(), [short_name(env), algorithm, frames, returns]])
+    head = ["Task", "Algorithm", "Frames to a mean return of .9", "Mean return at the end"]
+    return markdown(head, [cells for *_, cells in sorted(rows, key=lambda row: row[:2])])
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ CURVE = {
     "time/seconds": "seconds",
     "rollout/ep_rew_max": "best_return",
     "coverage/reachable": "coverage",
+    "rollout/success_rate": "success",
 }
 
 

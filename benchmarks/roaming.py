@@ -22,6 +22,7 @@ import torch as th
 import typer
 
 from benchmarks.learning import SWEEPS
+from benchmarks.measure import markdown
 from benchmarks.pool import run_all
 from benchmarks.results import FOLDER, add_rows
 from curiosity_algos import make_evaluator
@@ -157,6 +158,34 @@ def main(
     run_all(train, tasks, jobs)
     table = pd.concat(map(pd.read_csv, (runs / "roaming").glob("*/*.csv")))
     add_rows(table, out / "roaming.csv", KEYS)
+
+
+def table(values: pd.DataFrame, timesteps: int) -> str:
+    """A row for each way to move: means over seeds and standard errors after so many steps.
+
+    Shares are of the run that came to most cells, as RAMP's paper has them.
+    """
+    values = values[values["timesteps"] == timesteps]
+    values = values.assign(share=100 * values["xyz"] / values["xyz"].max())
+    groups = values.groupby("algorithm")[["xyz", "share", "xy"]].agg(["mean", "sem"])
+    digits = {"xyz": 0, "share": 1, "xy": 0}
+    rows = [
+        [name, *(_with_error(*row[key], digits[key]) for key in digits)]
+        for name, row in groups.sort_values(("xyz", "mean"), ascending=False).iterrows()
+    ]
+    return markdown(["", "Cells of x, y, z", "Share of the best run (%)", "Cells of x, y"], rows)
+
+
+def _with_error(mean: float, error: float, digits: int) -> str:
+    """A mean and its standard error; of one run alone there is none."""
+    return f"{mean:,.{digits}f}" + ("" if np.isnan(error) else f" ± {error:,.{digits}f}")
+
+
+def published(values: pd.DataFrame) -> str:
+    """The shares that RAMP's paper published, with their standard errors, the highest first."""
+    ordered = values.sort_values("mean", ascending=False).itertuples()
+    rows = [[each.algorithm, f"{each.mean:g} ± {each.error:g}"] for each in ordered]
+    return markdown(["Published", "Share of the best run (%)"], rows)
 
 
 if __name__ == "__main__":

@@ -9,9 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import pandas as pd
 import typer
 
 from benchmarks.results import FOLDER, KEYS, add_rows, label
+from benchmarks.run_tables import by_environment
 from curiosity_algos import make_evaluator
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments import load_runs
@@ -42,6 +44,13 @@ def count(path: Path, n_starts: int) -> int:
     evaluator = make_evaluator(make_env(described, trust=True))
     policy = model.policy.vector[None]
     return sum(int(evaluator.evaluate(policy, seed).success[0]) for seed in range(n_starts))
+
+
+def table(values: pd.DataFrame) -> str:
+    """A row for each algorithm: of so many starts those that the policy of each seed solves."""
+    (n_starts,) = values["starts"].unique()
+    head = f"Of {n_starts} starts"
+    return by_environment(values, lambda group: " / ".join(map(str, group["solved"])), head)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import minigrid, tables
+from benchmarks import minigrid
 
 
 class Tiles(gym.Env):
@@ -51,7 +51,7 @@ def test_a_task_is_solved_when_the_mean_return_is():
         for i, value in enumerate(values)
     ]
     columns = ["algorithm", "env", "seed", "frames", "return"]
-    lines = tables.doors(pd.DataFrame(rows, columns=columns)).splitlines()
+    lines = minigrid.table(pd.DataFrame(rows, columns=columns)).splitlines()
     assert lines[2:] == [
         "| MiniGrid-DoorKey-8x8-v0 | PPO + RND | never / 8,192 | 0.70 / 0.80 |",
         "| MiniGrid-DoorKey-8x8-v0 | PPO | never | 0.00 |",

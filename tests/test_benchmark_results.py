@@ -10,7 +10,17 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from benchmarks import bonuses, figures, kept, learning, opening, results, tables, unseen
+from benchmarks import (
+    bonuses,
+    figures,
+    kept,
+    learning,
+    opening,
+    results,
+    run_tables,
+    tables,
+    unseen,
+)
 from curiosity_algos import CanonicalES
 from curiosity_algos.experiments import (
     RunFolder,
@@ -61,7 +71,7 @@ def test_the_summary_counts_runs_that_found_nothing():
             run("NSLC", "CuriosityMaze-US-v0", 1, float("nan"), 0.1),
         ]
     )
-    lines = tables.summary(runs).splitlines()
+    lines = run_tables.summary(runs).splitlines()
     assert lines[0] == "| Algorithm | US |"
     # Of three runs the second to find it is the median; none is cut off at a quarter's end.
     assert lines[2] == "| NSES | 2 of 3, 4.0 M, 40 (20 to 70) % |"
@@ -74,7 +84,7 @@ def test_the_comparison_counts_pairs_of_runs():
     runs = [("CuriosityES", us, 3e6, 0.5), ("CuriosityES", us, 5e6, 0.7)]
     runs += [("NSES", us, 4e6, 0.1), ("NSES", us, never, 0.6), ("NSLC", us, 1e6, 0.8)]
     runs += [("CuriosityES", hard, never, 0.5), ("NSES", hard, never, 0.4), ("NSLC", hard, 1, 0.5)]
-    table = tables.comparison(pd.DataFrame([run(*each[:2], 0, *each[2:]) for each in runs]))
+    table = run_tables.comparison(pd.DataFrame([run(*each[:2], 0, *each[2:]) for each in runs]))
     header, _, *rows = table.splitlines()
     assert header == "| CuriosityES | than | US | Hard | All |"
     # Of four pairs three are won in both scores; two that find nothing are as late as each other.

@@ -1,0 +1,194 @@
+"""Tables of runs: what each algorithm came to in each environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.measure import markdown
+from benchmarks.results import ENVIRONMENTS, in_order, rank, read_runs
+from curiosity_algos.experiments.canvas import short_name
+from curiosity_algos.experiments.statistics import (
+    Interval,
+    interquartile_mean,
+    probability_of_improvement,
+    stratified_bootstrap,
+    survival,
+)
+
+
+def summary(runs: pd.DataFrame) -> str:
+    """A row for each algorithm: how many found the goal, when, and what they covered.
+
+    The time is Kaplan and Meier's median, which counts runs that found none; the share is the
+    interquartile mean over seeds of the reachable cells, with its 95 % interval.
+    """
+    return by_environment(runs, _cell)
+
+
+def by_environment(
+    runs: pd.DataFrame, cell: Callable[[pd.DataFrame], str], head: str = "Algorithm"
+) -> str:
+    """A row for each algorithm, with a cell of its runs in each environment that it has."""
+    envs = sorted(set(runs["env"]), key=rank)
+    cells = {key: cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
+    rows = [
+        [algorithm, *(cells.get((algorithm, env), "") for env in envs)]
+        for algorithm in dict.fromkeys(runs["algorithm"])
+    ]
+    return markdown([head, *map(short_name, envs)], rows)
+
+
+def visits(runs: pd.DataFrame) -> str:
+    """As `summary`, of the cells that any step has ended in, not episodes alone."""
+    return summary(_by_visits(runs))
+
+
+def _by_visits(runs: pd.DataFrame) -> pd.DataFrame:
+    """The runs in order, with what any step has ended in as what they cover."""
+    return in_order(runs.assign(**{"coverage.reachable": runs["coverage.visited"]}))
+
+
+def with_and_without(runs: pd.DataFrame) -> str:
+    """As `visits`, of PPO with APT and alone."""
+    return visits(runs[runs["algorithm"].isin(["PPO + APT", "PPO"])])
+
+
+def parts() -> str:
+    """As `visits`, of PPO with APT, and with one of the recipe's settings at another value."""
+    runs, tried = read_runs("ppo"), read_runs("ppo_parts")
+    recipe = runs[(runs["algorithm"] == "PPO + APT") & runs["env"].isin(tried["env"])]
+    return visits(pd.concat([recipe, tried], ignore_index=True))
+
+
+def returns(runs: pd.DataFrame) -> str:
+    """Interquartile mean of the best returns of runs, with its 95 % interval."""
+    return by_environment(runs, _return)
+
+
+def _return(group: pd.DataFrame) -> str:
+    found = stratified_bootstrap(group["best_return"].to_numpy(), interquartile_mean)
+    return f"{found.estimate:.0f} ({found.low:.0f} to {found.high:.0f})"
+
+
+def visits_or_returns(runs: pd.DataFrame) -> str:
+    """As `visits`, and as `returns` in environments without cells."""
+
+    def cell(group: pd.DataFrame) -> str:
+        return _cell(group) if group["coverage.visited"].notna().any() else _return(group)
+
+    return by_environment(_by_visits(runs), cell)
+
+
+def _cell(group: pd.DataFrame) -> str:
+    firsts = group["first_success_timesteps"]
+    budget = group["timesteps"]
+    median = survival(firsts, budget).median
+    when = f"> {short(budget.min() / 1e6)} M" if median is None else f"{short(median / 1e6, 1)} M"
+    share = stratified_bootstrap(group["coverage.reachable"].to_numpy(), interquartile_mean)
+    return f"{firsts.notna().sum()} of {len(group)}, {when}, {_percent(share)} %"
+
+
+def _percent(share: Interval) -> str:
+    """A share in percent, with its 95 % interval if it has one."""
+    estimate, low, high = (short(100 * each) for each in (share.estimate, share.low, share.high))
+    return estimate if np.isnan(share.low) else f"{estimate} ({low} to {high})"
+
+
+def comparison(runs: pd.DataFrame) -> str:
+    """How likely a run of CuriosityES is ahead of one of a search that knows what matters.
+
+    Probabilities of improvement in percent with their 95 % intervals, in each maze and over all.
+    """
+    envs = sorted(set(runs["env"]), key=ENVIRONMENTS.index)
+    # Who finds nothing is as late as the budget.
+    sooner = -runs["first_success_timesteps"].fillna(runs["timesteps"])
+    scores = {"finds the goal sooner": sooner, "covers more": runs["coverage.reachable"]}
+    rows = []
+    for (words, score), other in product(scores.items(), ("NSES", "NSLC")):
+        of_runs = score.groupby([runs["algorithm"], runs["env"]])
+        ours, theirs = (
+            [of_runs.get_group((algorithm, env)).to_numpy() for env in envs]
+            for algorithm in ("CuriosityES", other)
+        )
+        each = [probability_of_improvement(*pair) for pair in zip(ours, theirs, strict=True)]
+        shares = [*each, probability_of_improvement(ours, theirs)]
+        rows.append([words, other, *map(_percent, shares)])
+    return markdown(["CuriosityES", "than", *map(short_name, envs), "All"], rows)
+
+
+def every_seed(runs: pd.DataFrame) -> str:
+    """A row for each algorithm and environment, whose values are those of the seeds, in order."""
+    shares = [name for name in runs if name.startswith("coverage.")]
+    columns = [
+        "Algorithm",
+        "Environment",
+        "First reward (M steps)",
+        "Best return",
+        *(f"Coverage, {name.removeprefix('coverage.')} (%)" for name in shares),
+        "Seconds a run, median",
+    ]
+    groups = runs.groupby(["algorithm", "env"], sort=False)
+    return markdown(columns, [_row(*key, group, shares) for key, group in groups])
+
+
+def _row(algorithm: str, env: str, group: pd.DataFrame, shares: list[str]) -> list[str]:
+    firsts = group["first_success_timesteps"]
+    columns = [
+        ["never" if pd.isna(first) else short(first / 1e6, 1) for first in firsts],
+        [f"{best:.2f}" for best in group["best_return"]],
+        *([short(100 * share) for share in group[name].dropna()] for name in shares),
+    ]
+    seconds = f"{group['seconds'].median():.0f}"
+    return [algorithm, short_name(env), *(" / ".join(column) for column in columns), seconds]
+
+
+def tries(values: pd.DataFrame) -> str:
+    """A row for each setting: of each run its first reward in M steps, and its coverage in %."""
+    envs = list(dict.fromkeys(values["env"]))
+    keys = ["curiosity", "phi", "timesteps"]
+    rows = []
+    for (curiosity, phi, timesteps), group in values.groupby(keys, sort=False):
+        cells = [", ".join(map(_try, group[group["env"] == env].itertuples())) for env in envs]
+        rows.append([curiosity, phi, f"{timesteps / 1e6:.0f} M", *cells])
+    return markdown(["Curiosity", "`phi`", "Steps", *map(short_name, envs)], rows)
+
+
+def _try(run: Any) -> str:
+    first = run.first_success_timesteps
+    share = "" if pd.isna(run.coverage) else f" ({short(100 * run.coverage)})"
+    return f"{'never' if pd.isna(first) else short(first / 1e6, 1)}{share}"
+
+
+def tries_off_policy(values: pd.DataFrame) -> str:
+    """A row for each setting: of each seed what it visited, and where it found the goal, when."""
+    settings = ["algorithm", "gradient_steps", "ent_coef", "target_entropy", "other"]
+    rows = []
+    for names, group in values.fillna({"other": ""}).groupby(settings, sort=False, dropna=False):
+        shares = [short(100 * share) for share in group["visited"]]
+        firsts = [short(first / 1e6, 1) for first in group["first_success_timesteps"].dropna()]
+        cells = ["" if pd.isna(name) else str(name) for name in names]
+        rows.append([*cells, " / ".join(shares), " / ".join(firsts)])
+    head = ["Algorithm", *(f"`{name}`" for name in settings[1:-1]), "Other"]
+    return markdown([*head, "Visited (%)", "First reward (M steps)"], rows)
+
+
+def counts(values: pd.DataFrame) -> str:
+    """The rows as they are."""
+    return markdown(list(values), values.astype(str).to_numpy().tolist())
+
+
+def processors(runs: pd.DataFrame) -> str:
+    """What the runs were trained on, in a line."""
+    return f"Trained on {', '.join(sorted(set(runs['machine.processor'])))}."
+
+
+def short(value: float, digits: int = 0) -> str:
+    """With `digits` after the point from 10 on, one below, and two that count below 1."""
+    if value >= 10:
+        return f"{value:.{digits}f}"
+    return f"{value:.1f}" if value >= 1 or value == 0 else f"{value:.2g}"

@@ -25,7 +25,6 @@ from benchmarks.results import (
     KEYS,
     add_rows,
     label,
-    rank,
     read_rows,
     read_runs,
     steps_of_one,
@@ -41,6 +40,8 @@ from curiosity_algos.experiments.run_folder import RunFolder
 N_ENVS = 8
 SEED = 10_000
 """Of actions that are drawn, and of starts."""
+GENERAL = "CuriosityMaze-v0"
+"""Of mazes that are drawn."""
 RELIABLE = 0.9
 """The share of the last 100 episodes from which on a run comes to the goal reliably."""
 RATE = "rollout/success_rate"
@@ -67,7 +68,10 @@ def main(
 
 
 def reliable_timesteps(runs: Path) -> pd.Series:
-    """Of each run that came to that, the first logged timesteps at which it comes reliably."""
+    """Of each run that came to that, the first logged timesteps at which it comes reliably.
+
+    Stable-Baselines3 logs the share of the last 100 episodes; before as many, that of all.
+    """
     curves = load_progress(runs)
     return curves[curves[RATE] >= RELIABLE].groupby("run")[TIMESTEPS].min()
 
@@ -94,20 +98,23 @@ def count(path: Path, n_episodes: int, *, is_best: bool) -> int:
     return sum(successes)
 
 
-def table() -> str:
-    """When runs of the recipe found the goal, and how often their last policies come back to it."""
-    kept = read_rows("recipe_kept")
-    runs = read_runs("recipe").merge(kept, on=["algorithm", "env", "seed"])
+def table(name: str) -> str:
+    """When runs of that name found the goal, and how often their last policies come back to it."""
+    runs = read_runs(name).merge(read_rows(f"{name}_kept"), on=KEYS)
     (n_episodes,) = runs["episodes"].unique()
-    mazes = runs.sort_values("env", key=lambda envs: envs.map(rank), kind="stable")
     rows = [
-        # A maze that was drawn has its name behind the algorithm's.
-        [algorithm.partition(", ")[2] or short_name(env), *map(" / ".join, _cells(group))]
-        for (algorithm, env), group in mazes.groupby(["algorithm", "env"], sort=False)
+        [_task(algorithm, env), *map(" / ".join, _cells(group))]
+        for (env, algorithm), group in runs.groupby(["env", "algorithm"])
     ]
     times = ["First reward (M steps)", "90 of the last 100"]
     heads = [*times, f"Of {n_episodes} episodes, drawn actions", "best actions"]
-    return markdown(["Maze", *heads], rows)
+    return markdown(["Task", *heads], rows)
+
+
+def _task(algorithm: str, env: str) -> str:
+    """The environment, and what a run had otherwise than others; of a maze drawn its name."""
+    named = [] if env == GENERAL else [short_name(env)]
+    return ", ".join([*named, *algorithm.split(", ")[1:]])
 
 
 def _cells(group: pd.DataFrame) -> list[Iterable[str]]:

@@ -1,7 +1,7 @@
 """What runs came to, in two small CSV files that tables and figures are made from.
 
 NAME.csv          a row for each run
-NAME_curves.csv   of each run best return and coverage at up to `N_POINTS` times
+NAME_curves.csv   of each run best return, coverage and success at up to `N_POINTS` times
 """
 
 from __future__ import annotations
@@ -74,7 +74,8 @@ def label(table: pd.DataFrame, runs: Path) -> pd.Series:
 def _thin(curve: pd.DataFrame) -> pd.DataFrame:
     """The last row before each of `N_POINTS` times, equally far from each other, of one run.
 
-    What its algorithm does not log, as Stable-Baselines3's the best return, is NaN.
+    What its algorithm does not log, as Stable-Baselines3's the best return, is NaN. Success is the
+    share of the last episodes, which these log alone.
     """
     rows = curve.rename(columns=CURVE).reindex(columns=[*KEYS, *CURVE.values()])
     rows["best_return"] = rows["best_return"].cummax()

@@ -161,7 +161,8 @@ TABLES: dict[str, Callable[[], str]] = {
         make_table, read_rows, "locomotion_baselines", run_tables.counts
     ),
     "ppo-parts": run_tables.parts,
-    "recipe": kept.table,
+    "recipe": partial(kept.table, "recipe"),
+    "weights": partial(kept.table, "weights"),
     "minigrid": partial(make_table, read_rows, "minigrid", minigrid.table),
     "parity": partial(make_table, read_rows, "parity", run_tables.counts),
     "roaming": partial(

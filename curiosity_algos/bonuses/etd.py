@@ -17,9 +17,12 @@ from curiosity_algos.bonuses.base import Losses, NetworkBonus, NetworkKeywords, 
 from curiosity_algos.bonuses.encoders import make_encoder
 from curiosity_algos.bonuses.episode_features import EpisodeFeatures
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array
+from curiosity_algos.common.networks import mlp
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_gym.compiled import compiled
 from curiosity_gym.validation import check_at_least_one
+
+EXACT = "donot_use_mm_for_euclid_dist"
 
 
 class ETD(NetworkBonus):
@@ -31,7 +34,8 @@ class ETD(NetworkBonus):
     steps later, among those that followed others: `c(y) - d(x, y)` are the logits, `c` says how
     often a state comes, and the loss is averaged over both directions. Every episode begins anew,
     with its first observation. A step asks all that the episode has come to: an episode of T steps
-    takes T^2 / 2 distances.
+    takes T^2 / 2 distances. The steps between two states are log-uniform, where the paper has them
+    geometric with a mean of 100.
 
     Further keywords are those of every bonus of networks, see `NetworkBonus`; `n_features` is the
     length of `f` and that of `g`.
@@ -54,9 +58,11 @@ class ETD(NetworkBonus):
         check_at_least_one(horizon=horizon)
         super().__init__(observation_space, action_space, **kwargs)
         self.horizon = horizon
-        # f, g and c in a row.
-        sizes, generator = (self.hidden, 2 * self.n_features + 1), torch_generator(self.seed)
-        self.encoder = make_encoder(observation_space, *sizes, generator=generator)
+        sizes, generator = (self.hidden, self.hidden), torch_generator(self.seed)
+        trunk = make_encoder(observation_space, *sizes, generator=generator)
+        # f, g and c in a row; a layer of their own, as features of images are not negative.
+        heads = mlp(self.hidden, 2 * self.n_features + 1, generator=generator)
+        self.encoder = th.nn.Sequential(trunk, th.nn.ReLU(), heads)
         self._begin()
 
     def losses(self, before: th.Tensor, actions: th.Tensor, after: th.Tensor) -> Losses:
@@ -64,7 +70,8 @@ class ETD(NetworkBonus):
         n = self.n_features
         begins, ends = self.encoder(self.inputs(th.cat([before, after]))).chunk(2)
         ahead = (begins[:, None, :n] - ends[None, :, :n]).amax(dim=2).relu()
-        aside = th.cdist(begins[:, n:-1], ends[:, n:-1])
+        # By products the distances of those that are near would be coarse.
+        aside = th.cdist(begins[:, n:-1], ends[:, n:-1], compute_mode=EXACT)
         logits = ends[:, -1] - ahead - aside
         same = th.arange(len(logits), device=self.device)
         there, back = (functional.cross_entropy(x, same) for x in (logits, logits.T))

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec, load_env_creator
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
@@ -22,33 +22,35 @@ from curiosity_algos.sb3.observations import check_sb3_takes
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 
+BEGIN_SINGLE_EPISODES = (SyncVectorEnv, AsyncVectorEnv, EpisodicVectorEnv)
+"""Vector environments that a mask tells which episodes to begin."""
+
 
 class GymnasiumVecEnv(VecEnv):
     """A Gymnasium VectorEnv for Stable-Baselines3's algorithms: native ones, and any other.
 
     Step for step what a DummyVecEnv of its single environments gives; `VecMonitor` around it
-    records episodes, as a `Monitor` does of one. In every autoreset mode an episode begins in the
-    step that ends the one before: where the VectorEnv begins none by itself, it is told to, by
-    `reset(options={"reset_mask": ...})`. So EnvPool's are taken, too.
+    records episodes, as a `Monitor` does of one. An episode begins in the step that ends the one
+    before. Where the autoreset mode is another, the VectorEnv is told to begin one, by
+    `reset(options={"reset_mask": ...})`.
 
     Args:
-        vector_env: The VectorEnv, one of EnvPool's without a `batch_size`. Those made with
-            `autoreset_mode=AutoresetMode.SAME_STEP` save a call at each end.
+        vector_env: Any VectorEnv made with `autoreset_mode=AutoresetMode.SAME_STEP`. In other modes
+            a SyncVectorEnv or AsyncVectorEnv, one of this package's or of EnvPool's, without a
+            wrapper around it: some of others, and some wrappers, begin all episodes at once.
 
     Attributes:
         vector_env: The VectorEnv.
 
     Raises:
-        ValueError: If it does not step all its envs at once.
+        ValueError: If it cannot begin a single episode, or does not step all its envs at once.
     """
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
-        if getattr(vector_env, "is_async", False):  # of EnvPool
-            raise ValueError(
-                "`vector_env` must step all its envs at once: make EnvPool's without `batch_size`."
-            )
         mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
         self._begins_itself = AutoresetMode(mode) == AutoresetMode.SAME_STEP
+        if not self._begins_itself:
+            _check_begins_single_episodes(vector_env)
         self.vector_env = vector_env
         self._actions: Array = np.empty(0)
         spaces = vector_env.single_observation_space, vector_env.single_action_space
@@ -160,6 +162,21 @@ class GymnasiumVecEnv(VecEnv):
         envs = getattr(self.vector_env.unwrapped, "envs", None)
         chosen = self._get_indices(indices)
         return [envs is not None and is_wrapped(envs[i], wrapper_class) for i in chosen]
+
+
+def _check_begins_single_episodes(vector_env: VectorEnv[Any, Any, Any]) -> None:
+    is_async: bool | None = getattr(vector_env, "is_async", None)  # as EnvPool's say
+    if is_async:
+        raise ValueError(
+            "`vector_env` must step all its envs at once: make EnvPool's without `batch_size`."
+        )
+    if is_async is None and not isinstance(vector_env, BEGIN_SINGLE_EPISODES):
+        raise ValueError(
+            "`vector_env` must begin an episode in the step that ends the one before, as "
+            "Stable-Baselines3 does: give `gymnasium.make_vec` "
+            "vector_kwargs={'autoreset_mode': AutoresetMode.SAME_STEP} (of gymnasium.vector). "
+            "Other modes are for a SyncVectorEnv or AsyncVectorEnv without a wrapper around it."
+        )
 
 
 def _take(observations: Any, i: int) -> Any:

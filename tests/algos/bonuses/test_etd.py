@@ -52,9 +52,9 @@ def test_it_is_a_quasimetric(seed):
 
 
 def test_the_loss_tells_what_followed_from_what_did_not():
-    etd, observations = make_etd(), make_observations(9)
+    etd, observations = make_etd(), make_observations(65)
     before, after = observations[:-1], observations[1:]
-    batch = map(th.from_numpy, (before, np.zeros((8, 1), np.float32), after))
+    batch = map(th.from_numpy, (before, np.zeros((64, 1), np.float32), after))
     outputs = etd.encoder(etd.inputs(th.from_numpy(after)))
     distances = by_definition(etd.features(before), etd.features(after))
     logits = outputs[:, -1].detach() - th.from_numpy(distances)
@@ -87,3 +87,13 @@ def test_who_stays_or_comes_back_is_paid_nothing():
     scores = make_etd().score_trajectory(observations, np.zeros(5, dtype=np.int64))
     np.testing.assert_allclose(scores[[0, 3, 4]], 0.0, atol=1e-6)
     assert (scores[[1, 2]] > 0.01).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_number_is_the_same_for_all_images(seed):
+    images = spaces.Box(0, 255, (7, 7, 3), np.uint8)
+    etd = ETD(images, SPACE[1], n_features=8, seed=seed, device="cpu")
+    seen = np.random.default_rng(0).integers(0, 256, (200, 7, 7, 3), dtype=np.uint8)
+    etd.observe(th.from_numpy(seen))
+    spread = etd.encoder(etd.inputs(th.from_numpy(seen))).std(dim=0)
+    assert (spread > 0.0).all()

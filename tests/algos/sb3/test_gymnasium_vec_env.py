@@ -5,7 +5,7 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorWrapper
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from packaging.version import Version
 from stable_baselines3 import DQN, PPO
@@ -65,10 +65,17 @@ class Described(gym.Env):
         return {"place": self.place.copy(), "t": self.t}
 
 
-class Pool(VectorWrapper):
+class Pool(VectorEnv):
     """One that gives observations and infos of those that it resets alone, as EnvPool does."""
 
     is_async = False
+
+    def __init__(self, env):
+        self.env, self.step, self.close = env, env.step, env.close
+        self.num_envs, self.metadata = env.num_envs, env.metadata
+        self.single_observation_space = env.single_observation_space
+        self.single_action_space = env.single_action_space
+        self.env_fns = env.env_fns  # so that each has a seed
 
     def reset(self, *, seed=None, options=None):
         observations, infos = self.env.reset(seed=seed, options=dict(options or {}))
@@ -193,6 +200,18 @@ class TestAlgorithms:
 
 
 class TestMistakes:
+    @pytest.mark.parametrize(
+        "make",
+        [
+            lambda: gym.make_vec("CartPole-v1", N, "vector_entry_point"),
+            lambda: RecordEpisodeStatistics(make_sync(AutoresetMode.NEXT_STEP)),
+            lambda: RecordEpisodeStatistics(make_native(AutoresetMode.DISABLED)),
+        ],
+    )
+    def test_all_episodes_would_begin_at_once(self, make):
+        with pytest.raises(ValueError, match="`vector_env` must begin an episode in"):
+            GymnasiumVecEnv(make())
+
     def test_not_all_envs_step_at_once(self):
         pool = Pool(make_sync(AutoresetMode.NEXT_STEP))
         pool.is_async = True
@@ -209,12 +228,15 @@ class TestMistakes:
             venv.reset()
 
 
-def test_observations_are_kept_where_the_env_overwrites_its_own():
-    venv = GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, copy=False))
-    first = venv.reset()
-    kept = first.copy()
-    venv.step(np.ones((N, 2), np.float32))
-    np.testing.assert_array_equal(first, kept)
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_observations_are_kept_where_the_env_overwrites_its_own(mode):
+    venv = GymnasiumVecEnv(make_native(mode, copy=False))
+    observed = venv.reset()
+    for _ in range(2):
+        kept = observed.copy()
+        after = venv.step(np.ones((N, 2), np.float32))[0]
+        np.testing.assert_array_equal(observed, kept)
+        observed = after
 
 
 def make_maze(**kwargs):

@@ -77,6 +77,26 @@ def points_of(run: pd.DataFrame, name: str) -> Points:
     return np.r_[0.0, run["timesteps"]], np.r_[0.0, run[name]]
 
 
+def weights(curves: pd.DataFrame) -> Figure:
+    """The share of the last episodes that came to the goal, a line for each weight of the bonus."""
+    curves = curves.assign(
+        algorithm=curves["algorithm"].str.replace("PPO + APT, weight=", "weight ")
+    )
+    envs = sorted(set(curves["env"]))
+    figure, axes = make_panels(1, len(envs))
+    colors = color_labels(curves["algorithm"])
+    shown: list[Line] = []
+    for ax, env in zip(axes[0], envs, strict=True):
+        lines = lines_of(curves[curves["env"] == env].fillna(0.0), "success", colors)
+        draw_lines(ax, lines, x_unit=1e6, y_unit=0.01)
+        ax.set(title=short_name(env), xlabel="timesteps (millions)", ylim=(0.0, 105.0))
+        shown += lines
+    axes[0][0].set_ylabel("of the last 100 episodes, with success (%)")
+    add_title(figure, "How strong should the bonus be?", legend_handles(shown))
+    add_note(figure, f"Thick: mean of {count_of_runs([len(line.curves) for line in shown])}.")
+    return figure
+
+
 def random_mazes() -> Figure:
     """A maze of each kind."""
     figure = Figure(figsize=(12, 3.2), layout="constrained")
@@ -91,6 +111,7 @@ def main(out: Path = IMAGES) -> None:
     """Draw every figure anew."""
     out.mkdir(parents=True, exist_ok=True)
     save_figure(random_mazes(), out / "random_mazes.png")
+    save_figure(weights(read_curves("weights")), out / "weights.png")
     for name, title in TITLES.items():
         save_figure(show(read_curves(name), title), out / f"{name}.png")
 

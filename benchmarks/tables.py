@@ -45,6 +45,7 @@ PAGES = (
     *(f"docs/results/{name}.md" for name in RESULTS),
     *("docs/clusters.md", "docs/robustify.md", "docs/where_it_fails.md"),
     "docs/algorithms/go_explore.md",
+    "docs/weight.md",
     *("docs/paper.md", "docs/paper_claims.md", "docs/paper_today.md"),
 )
 UNSEEN = "locomotion_long_unseen"

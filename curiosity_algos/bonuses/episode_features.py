@@ -36,14 +36,17 @@ class EpisodeFeatures:
         self._n_held = np.zeros(n, dtype=np.int64)
 
     def score(self, before: Array, actions: Array, after: Any) -> Float32Array:
+        return self._compared(before, after).astype(np.float32)
+
+    def _compared(self, before: Array, after: Array) -> Float64Array:
+        """The score (n,) of a step of each episode, which is then remembered."""
         every = np.arange(len(self._n_held))
         begin = every[self._n_held == 0]
         if len(begin):
             self._remember(before[begin], begin)
         self._remember(after, every)
         held = zip(self._features, self._n_held.tolist(), strict=True)
-        scores = [self._bonus.compare(features[:n], n - 1) for features, n in held]
-        return np.concatenate(scores, dtype=np.float32, casting="same_kind")
+        return np.concatenate([self._bonus.compare(features[:n], n - 1) for features, n in held])
 
     def _remember(self, observations: Array, episodes: Int64Array) -> None:
         self._make_room(self._n_held.max() + 1)

@@ -142,7 +142,7 @@ class Neighbors(EpisodeFeatures):
     _bonus: NGU
 
     def score(self, before: Array, actions: Array, after: Any) -> Float32Array:
-        scores = super().score(before, actions, after)
+        scores = self._compared(before, after)
         return np.asarray(scores * self._bonus.ratios(after), dtype=np.float32)
 
 

@@ -39,20 +39,23 @@ ROWS = {
     "best_return": ("best return", 1.0),
 }
 """Of each column that is drawn its name on the axis, and what is 1 there."""
+SUCCESS = {"success": ("of the last 100 episodes, with success (%)", 0.01)}
 NOTE = "Thick: interquartile mean of {}; shaded: its 95 % interval; thin: each."
 
 
-def show(curves: pd.DataFrame, title: str) -> Figure:
-    """Coverage above best return, a column for each environment; of a single one side by side."""
+def show(
+    curves: pd.DataFrame, title: str, rows: Mapping[str, tuple[str, float]] = ROWS, note: str = NOTE
+) -> Figure:
+    """A row for each measure, a column for each environment; of a single one side by side."""
     envs = sorted(set(curves["env"]), key=ENVIRONMENTS.index)
     if len(envs) > 1:
-        figure, axes = make_panels(len(ROWS), len(envs))
+        figure, axes = make_panels(len(rows), len(envs))
     else:
-        figure, axes = make_panels(1, len(ROWS))
+        figure, axes = make_panels(1, len(rows))
         axes = axes.T
     colors = color_labels(curves["algorithm"])  # the same on every environment
     shown: list[Line] = []
-    for row, (name, (label, unit)) in zip(axes, ROWS.items(), strict=True):
+    for row, (name, (label, unit)) in zip(axes, rows.items(), strict=True):
         for ax, env in zip(row, envs, strict=True):
             lines = lines_of(curves[curves["env"] == env], name, colors)
             draw_lines(ax, lines, x_unit=1e6, y_unit=unit)
@@ -60,7 +63,7 @@ def show(curves: pd.DataFrame, title: str) -> Figure:
             shown += lines
         row[0].set_ylabel(label)
     add_title(figure, title, legend_handles(shown))
-    add_note(figure, NOTE.format(count_of_runs([len(line.curves) for line in shown])))
+    add_note(figure, note.format(count_of_runs([len(line.curves) for line in shown])))
     return figure
 
 
@@ -79,22 +82,9 @@ def points_of(run: pd.DataFrame, name: str) -> Points:
 
 def weights(curves: pd.DataFrame) -> Figure:
     """The share of the last episodes that came to the goal, a line for each weight of the bonus."""
-    curves = curves.assign(
-        algorithm=curves["algorithm"].str.replace("PPO + APT, weight=", "weight ")
-    )
-    envs = sorted(set(curves["env"]))
-    figure, axes = make_panels(1, len(envs))
-    colors = color_labels(curves["algorithm"])
-    shown: list[Line] = []
-    for ax, env in zip(axes[0], envs, strict=True):
-        lines = lines_of(curves[curves["env"] == env].fillna(0.0), "success", colors)
-        draw_lines(ax, lines, x_unit=1e6, y_unit=0.01)
-        ax.set(title=short_name(env), xlabel="timesteps (millions)", ylim=(0.0, 105.0))
-        shown += lines
-    axes[0][0].set_ylabel("of the last 100 episodes, with success (%)")
-    add_title(figure, "How strong should the bonus be?", legend_handles(shown))
-    add_note(figure, f"Thick: mean of {count_of_runs([len(line.curves) for line in shown])}.")
-    return figure
+    named = curves["algorithm"].str.replace("PPO + APT, weight=", "weight ")
+    curves = curves.assign(algorithm=named, success=curves["success"].fillna(0.0))
+    return show(curves, "How strong should the bonus be?", SUCCESS, "Thick: mean of {}.")
 
 
 def random_mazes() -> Figure:

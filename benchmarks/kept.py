@@ -1,8 +1,7 @@
 """Whether the last policy of a run comes to the goal: `python -m benchmarks.kept NAME` counts.
 
 The runs are those of `python -m benchmarks.bonuses NAME`. Exploration may find a goal to which the
-policy that it leaves behind never comes back. When it came back
-reliably is read from the run's log.
+policy that it leaves behind never comes back. When a run came back reliably is read from its log.
 """
 
 from __future__ import annotations

@@ -30,9 +30,7 @@ from benchmarks.record import read_sections
 from benchmarks.results import read_rows, read_runs
 from benchmarks.speed_tables import HEADLINES, SPEED_FILE, filled, section, summary_of
 from curiosity_algos.experiments.canvas import short_name
-from curiosity_algos.experiments.statistics import (
-    survival,
-)
+from curiosity_algos.experiments.statistics import survival
 
 ROOT = Path(__file__).parents[1]
 RESULTS = (

@@ -44,8 +44,8 @@ LOUD = {
     "TD3": {"action_noise": NormalActionNoise(np.zeros(2), np.ones(2))},
 }
 SAC, TD3 = (replace(PPO, algorithm=each, settings=OFF_POLICY | LOUD[each]) for each in LOUD)
-FINDS = {"weight": 1.0}
-"""A weight with which a policy explores on where it has found a goal."""
+FINDS = {"weight": 1.0, "norm_reward": False}
+"""With this weight a policy explores on where it has found a goal."""
 APT = replace(PPO, bonus="apt", bonus_kwargs=FINDS)
 PARTS = {
     "power=1": replace(APT, bonus_kwargs=FINDS | {"power": 1.0}),
@@ -75,6 +75,7 @@ def runs_of(run: RunSpec, envs: Iterable[str], bonuses: Iterable[str | None]) ->
 RUNS: dict[str, list[RunSpec]] = {
     "ppo": runs_of(PPO, MAZES, (None, *BONUSES)),
     "recipe": [replace(KEPT, env=env) for env in MAZES],
+    "recipe/point": [replace(KEPT, env=SPARSE[1])],
     **{
         f"recipe/{each}": [
             replace(KEPT, env="CuriosityMaze-v0", env_kwargs={"layout": each}, variant=each)
@@ -82,7 +83,12 @@ RUNS: dict[str, list[RunSpec]] = {
         for each in DRAWN
     },
     "weights": [
-        replace(KEPT, env=env, bonus_kwargs={"weight": weight}, variant=f"weight={weight:g}")
+        replace(
+            KEPT,
+            env=env,
+            bonus_kwargs={"weight": weight, "norm_reward": False},
+            variant=f"weight={weight:g}",
+        )
         for env, weight in product((US, MAZES[2], SPARSE[1]), WEIGHTS)
     ],
     "sparse": runs_of(PPO, SPARSE, (None, "apt", "ngu", "rnd")),

@@ -88,7 +88,7 @@ WITHIN_2, WITHIN_20 = ({"env_kwargs": {"start_radius": radius}} for radius in (2
 APT = {
     "algorithm": "ppo",
     "bonus": "apt",
-    "bonus_kwargs": {"weight": 0.02},
+    "bonus_kwargs": {"norm_reward": False},
     "n_envs": 16,
     "repeat_action": 10,
     "settings": {"n_steps": 64},

@@ -64,7 +64,7 @@ def make_ppo(env: str, bonus: str, seed: int) -> PPO:
     """SB3's PPO with or without a bonus, as docs/bonuses_sb3.md has it for small images."""
     venv = make_vec_env(partial(make_env, env), n_envs=16, seed=seed)
     if bonus != "none":
-        venv = BonusVecEnvWrapper(venv, bonus=bonus, weight=0.1, seed=seed)
+        venv = BonusVecEnvWrapper(venv, bonus=bonus, weight=0.1, norm_reward=False, seed=seed)
     return PPO(
         "CnnPolicy",
         venv,

@@ -64,7 +64,12 @@ class Stored(RunSpec):
     def make(self) -> BaseAlgorithm:
         """A model that has not trained."""
         venv = BonusVecEnvWrapper(
-            self._make_env(), bonus=self.bonus, weight=1.0, seed=self.seed, device="cpu"
+            self._make_env(),
+            bonus=self.bonus,
+            weight=1.0,
+            norm_reward=False,
+            seed=self.seed,
+            device="cpu",
         )
         # Copied, as SAC writes into its `policy_kwargs`.
         return SAC("MlpPolicy", venv, seed=self.seed, **deepcopy(self.settings))

@@ -13,7 +13,7 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from curiosity_algos.bonuses.base import Bonus, check_scores
 from curiosity_algos.bonuses.make import FOR_ONE_POLICY, check_bonus_choice, make_bonus
-from curiosity_algos.common.arrays import Array, Float64Array
+from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.kept import Kept
 from curiosity_algos.common.networks import check_gradients, single_torch_thread
 from curiosity_algos.state.check import check_keys, check_like
@@ -21,39 +21,50 @@ from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative, check_share
 
 EPSILON, LARGEST = 1e-8, 10.0
-"""Added to the variance of the sums, and bound of the scaled bonus, as in SB3's VecNormalize."""
+"""Added to the variance of the sums, and bound of scaled rewards, as in SB3's VecNormalize."""
 MEMORY = 100_000
-"""Transitions that the scale remembers: what the bonus was at first is forgotten."""
+"""Transitions that a scale remembers: what rewards were at first is forgotten."""
 
 
-class BonusScale:
+class RewardScale:
     """Divides by the running standard deviation of the discounted sum (Burda et al. 2018).
-
-    What enters the sums is bounded as what comes out: one bonus like no other would else set the
-    scale for as long as that remembers.
 
     Args:
         n_envs: Environments side by side, each with a sum of its own.
+        bounds_sums: Whether what enters the sums is bounded as what comes out. One reward like no
+            other would else set the scale for as long as that remembers.
     """
 
-    def __init__(self, n_envs: int) -> None:
+    def __init__(self, n_envs: int, *, bounds_sums: bool) -> None:
         self._sums = np.zeros(n_envs)
+        self._bounds_sums = bounds_sums
         self._statistics = RunningMeanStd(shape=())
 
     def reset(self) -> None:
         """Begin the sums anew; the scale stays."""
         self._sums[:] = 0.0
 
-    def learn(self, bonus: Float64Array, *, gamma: float) -> None:
-        """Take the bonus (n_envs,) of a step into the discounted sums."""
-        largest = LARGEST * self._deviation
-        self._sums = gamma * self._sums + np.clip(bonus, -largest, largest)
+    def end(self, ended: Mask) -> None:
+        """Begin the sums of these environments (n_envs,) anew."""
+        self._sums[ended] = 0.0
+
+    def learn(self, rewards: Float64Array, *, gamma: float) -> None:
+        """Take the rewards (n_envs,) of a step into the discounted sums."""
+        if self._bounds_sums:
+            largest = LARGEST * self._deviation
+            rewards = np.clip(rewards, -largest, largest)
+        self._sums = gamma * self._sums + rewards
         self._statistics.update(self._sums)
         self._statistics.count = min(self._statistics.count, MEMORY)
 
-    def scaled(self, bonus: Float64Array) -> Float64Array:
-        """The bonus (n,) over the scale; bounded."""
-        return np.clip(bonus / self._deviation, -LARGEST, LARGEST)
+    def scaled(self, rewards: Float64Array) -> Float64Array:
+        """The rewards (n,) over the scale; bounded."""
+        return np.clip(rewards / self._deviation, -LARGEST, LARGEST)
+
+    @property
+    def has_learned(self) -> bool:
+        """Whether there is a scale."""
+        return bool(self._statistics.count >= 1.0)
 
     @property
     def _deviation(self) -> Float64Array:
@@ -95,6 +106,7 @@ class CuriosityKeywords(TypedDict, total=False):
     bonus_kwargs: dict[str, Any] | None
     weight: float
     extrinsic: bool
+    norm_reward: bool
     gamma: float | None
     train_interval: int | None
     n_updates: int
@@ -118,8 +130,12 @@ class Curiosity(HasSettings):
         weight: Factor of the bonus, at least 0, in units of the task's reward: small enough that a
             rewarded episode is worth more than curiosity.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
-        gamma: Discount of the sum that the bonus is scaled by, from 0 to below 1; None: the bonus
-            counts as it is.
+        norm_reward: Whether the sum of both is divided by the running standard deviation of its
+            discounted sum over an episode, and bounded by 10, as in SB3's VecNormalize: what is
+            learned from has the same size while the bonus is alone, and when the task is solved.
+            Where `extrinsic` is off, `weight` cancels then.
+        gamma: Discount of the sums that the bonus, and the sum of both, are scaled by, from 0 to
+            below 1; None: they count as they are, whatever `norm_reward` is.
         train_interval: Transitions of all environments between two trainings; None: the host says
             when.
         n_updates: Gradient steps a training.
@@ -133,6 +149,7 @@ class Curiosity(HasSettings):
 
     Attributes:
         scale: Of the bonus.
+        total_scale: Of the sum of both.
         metrics: Mean losses of the last training, by the names they are logged under.
         n_untrained: Transitions since the last training.
         n_trainings: Trainings so far.
@@ -144,6 +161,7 @@ class Curiosity(HasSettings):
     _checks: ClassVar = {
         "weight": check_not_negative,
         "extrinsic": check_bool,
+        "norm_reward": check_bool,
         "gamma": check_discount,
         "train_interval": check_interval,
         "n_updates": check_at_least_one,
@@ -161,6 +179,7 @@ class Curiosity(HasSettings):
         bonus_kwargs: Mapping[str, Any] | None = None,
         weight: float = 0.02,
         extrinsic: bool = True,
+        norm_reward: bool = True,
         gamma: float | None = 0.99,
         train_interval: int | None = 2048,
         n_updates: int = 64,
@@ -174,6 +193,7 @@ class Curiosity(HasSettings):
         check_bonus_choice(bonus, bonus_kwargs)
         self.weight = weight
         self.extrinsic = extrinsic
+        self.norm_reward = norm_reward
         self.gamma = gamma
         self.train_interval = train_interval
         self.n_updates = n_updates
@@ -184,7 +204,8 @@ class Curiosity(HasSettings):
             bonus_kwargs = FOR_ONE_POLICY.get(bonus, {}) | self.bonus_kwargs
         both_spaces = observation_space, action_space
         self.bonus = make_bonus(bonus, bonus_kwargs, *both_spaces, seed=seed, device=device)
-        self.scale = BonusScale(n_envs)
+        self.scale = RewardScale(n_envs, bounds_sums=True)
+        self.total_scale = RewardScale(n_envs, bounds_sums=False)
         self.metrics: dict[str, float] = {}
         self.n_untrained = self.n_trainings = 0
         self._settled = {"bonus", "bonus_kwargs"}
@@ -244,6 +265,30 @@ class Curiosity(HasSettings):
             self.scale.learn(scores, gamma=self.gamma)
         return self.scale.scaled(scores)
 
+    def total(
+        self, rewards: Array, bonus: Array, *, ended: Mask | None = None, is_learning: bool = False
+    ) -> Array:
+        """What is to be learned from: the task's rewards and the weighted bonus, over their scale.
+
+        Args:
+            rewards: (n,), of the task.
+            bonus: (n,), scaled.
+            ended: (n_envs,), of a step of all environments: where episodes ended with it.
+            is_learning: Whether the scale learns of this step first.
+        """
+        total = self.weight * bonus
+        if self.extrinsic:
+            total = total + rewards
+        if self.gamma is None:
+            return total
+        if is_learning:
+            self.total_scale.learn(total, gamma=self.gamma)
+        if ended is not None:
+            self.total_scale.end(ended)
+        if not self.norm_reward or not self.total_scale.has_learned:
+            return total
+        return self.total_scale.scaled(total)
+
     def is_due(self, n: int) -> bool:
         """Count n more transitions; whether a training is due."""
         self.n_untrained += n
@@ -274,6 +319,7 @@ class Curiosity(HasSettings):
         return {
             "bonus": self.bonus.state_dict(),
             "scale": self.scale.state_dict(),
+            "total_scale": self.total_scale.state_dict(),
             "n_untrained": self.n_untrained,
             "n_trainings": self.n_trainings,
             "metrics": dict(self.metrics),
@@ -294,6 +340,7 @@ class Curiosity(HasSettings):
         except Exception as error:  # a bonus of the user's own may raise any
             raise ValueError("`bonus` must be made as the one that was saved.") from error
         self.scale.load_state_dict(state["scale"])
+        self.total_scale.load_state_dict(state["total_scale"])
         self.n_untrained, self.n_trainings = state["n_untrained"], state["n_trainings"]
         self.metrics = dict(state["metrics"])
 

@@ -42,20 +42,22 @@ PARTS = ("curiosity", "buffer", "recent", "episodes", "observations", "found")
 class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     """Rewards transitions by how curious a bonus finds them, and trains the bonus.
 
-    The reward becomes `extrinsic reward + weight * bonus`, before the algorithm sees it, so that it
-    carries credit through time. The bonus is divided by the running standard deviation of its
-    discounted sum (Burda et al. 2018), so that a `weight` means much the same whatever its scale.
-    At the end of an episode it is that of the true last observation, never of the one after the
-    reset. Before its first training the module knows no scale: until then the bonus is 0.
+    The reward becomes `extrinsic reward + weight * bonus`, over its scale, before the algorithm
+    sees it, so that it carries credit through time. The bonus is divided by the running standard
+    deviation of its discounted sum (Burda et al. 2018), so that a `weight` means much the same
+    whatever its scale. At the end of an episode it is that of the true last observation, never of
+    the one after the reset. Before its first training the module knows no scale: until then the
+    bonus is 0. The sum is divided by the running standard deviation of its own discounted sum, as
+    SB3's VecNormalize does (`norm_reward`).
 
     The replay buffer of an off-policy algorithm keeps rewards as they were when collected; the
     bonus of an old transition is then that of long ago.
 
     Put a VecMonitor or Monitor below this wrapper, and it records the rewards of the task; put a
-    VecNormalize above it.
+    VecNormalize above it, for observations.
 
     Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight`, `extrinsic`,
-    `gamma`, `train_interval`, `n_updates` and `batch_size`.
+    `norm_reward`, `gamma`, `train_interval`, `n_updates` and `batch_size`.
 
     Args:
         venv: A VecEnv of any spaces that SB3's policies take; the bonus sees images as they are,
@@ -68,7 +70,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     Attributes:
         metrics: Mean losses of the last training, which `ExplorationCallback` logs.
         found: The best episodes that succeeded, see `robustify`.
-        training: Whether it learns; False, as in SB3's VecNormalize: it only adds the bonus.
+        training: Whether it learns; False, as in SB3's VecNormalize: it only adds and scales.
 
     Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times
     the bonus.
@@ -78,7 +80,8 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
     """
 
     bonus, bonus_kwargs, metrics = OfCuriosity(), OfCuriosity(), OfCuriosity()
-    weight, extrinsic, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    weight, extrinsic, norm_reward = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    gamma = OfCuriosity()
     train_interval, n_updates, batch_size = OfCuriosity(), OfCuriosity(), OfCuriosity()
 
     def __init__(
@@ -142,6 +145,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         observations = self.venv.reset()
         self._observations = self._stored(observations)
         self.curiosity.scale.reset()
+        self.curiosity.total_scale.reset()
         self.found.end()
         every = np.ones(self.num_envs, dtype=np.bool_)
         self._recent.end(every)
@@ -173,10 +177,9 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         self._recent.end(dones | (not self.training))  # steps that are not learned from are gaps
         if self._episodes is not None:
             self._episodes.end(dones)
-        intrinsic = self.weight * bonus
-        for info, outer, inner in zip(infos, rewards, intrinsic, strict=True):
+        for info, outer, inner in zip(infos, rewards, self.weight * bonus, strict=True):
             info["reward_extrinsic"], info["reward_intrinsic"] = float(outer), float(inner)
-        total = intrinsic + rewards if self.extrinsic else intrinsic
+        total = self.curiosity.total(rewards, bonus, ended=dones, is_learning=self.training)
         return observations, total.astype(np.float32), dones, infos
 
     def env_method(

@@ -31,8 +31,8 @@ from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_seed
 
 KIND = "BonusReplayBuffer"
-WEIGHT = 1.0
-"""Of the bonus by default: a critic learns little from rewards that are much smaller."""
+DEFAULTS: CuriosityKeywords = {"weight": 1.0, "norm_reward": False}
+"""Other than those of `Curiosity`, which were chosen with PPO: a critic learns little from .02."""
 N_SCORED = 2048
 """Vectors whose bonus is computed in one call, as each call costs as much as a batch itself."""
 N_WHOLE = 128
@@ -47,6 +47,8 @@ COLUMNS = (
 class BonusReplayBuffer(HasSettings, ReplayBuffer):
     """Keeps the rewards of the task, and gives `reward + weight * bonus` with the bonus of now.
 
+    With `norm_reward` the sum is over its scale, as in `BonusVecEnvWrapper`.
+
     A bonus stored with its transition would be that of long ago. Any off-policy algorithm of
     Stable-Baselines3's API takes it:
 
@@ -59,8 +61,8 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     targets stop at terminations only: the last step of a truncated episode goes on.
 
     Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight` (1 by default),
-    `extrinsic`, `gamma`, `train_interval` (None: it trains when `train_bonus` is called),
-    `n_updates` and `batch_size`.
+    `extrinsic`, `norm_reward` (False by default), `gamma`, `train_interval` (None: it trains when
+    `train_bonus` is called), `n_updates` and `batch_size`.
 
     Args:
         buffer_size: Transitions kept of all environments, the newest: one of each at least.
@@ -86,7 +88,8 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     """
 
     bonus, bonus_kwargs, metrics = OfCuriosity(), OfCuriosity(), OfCuriosity()
-    weight, extrinsic, gamma = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    weight, extrinsic, norm_reward = OfCuriosity(), OfCuriosity(), OfCuriosity()
+    gamma = OfCuriosity()
     train_interval, n_updates, batch_size = OfCuriosity(), OfCuriosity(), OfCuriosity()
     settings = OfCuriosity()
 
@@ -119,7 +122,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
             n_envs=n_envs,
             seed=networks_seed,
             device=device,
-            **CuriosityKeywords({"weight": WEIGHT, **curiosity}),
+            **CuriosityKeywords({**DEFAULTS, **curiosity}),
         )
         check_needs_no_episodes(self.bonus, "a replay buffer")
         self._rows = rows = ObservationRows(observation_space)
@@ -175,6 +178,8 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         differs = (self.next_observations[newest] != obs).reshape(self.n_envs, -1).any(axis=1)
         is_left = differs & (self.dones[newest] == 0)
         self.dones[newest, is_left] = self.timeouts[newest, is_left] = 1.0
+        if not self.curiosity.n_untrained:  # the scale has seen that step
+            self.curiosity.total_scale.end(is_left)
 
     def train_bonus(self) -> None:
         """Train the bonus, and score what came since the last time; nothing where nothing came."""
@@ -187,19 +192,32 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
                 self._observe(some)
             losses = curiosity.train(self.sample_transitions)
             bonus = self._score(newest)
-        steps = bonus.astype(np.float64).reshape(-1, self.n_envs)
-        bonus = np.stack([curiosity.scaled(step, is_learning=True) for step in steps])
-        mean, largest = self.weight * bonus.mean(), self.weight * bonus.max()
+        of_steps = self.rewards.take(newest), bonus.astype(np.float64), self.dones.take(newest) > 0
+        paid = []
+        for rewards, scores, ended in zip(
+            *(each.reshape(-1, self.n_envs) for each in of_steps), strict=True
+        ):
+            paid.append(curiosity.scaled(scores, is_learning=True))
+            curiosity.total(rewards, paid[-1], ended=ended, is_learning=True)
+        mean, largest = self.weight * np.mean(paid), self.weight * np.max(paid)
         self.metrics = {**losses, "intrinsic/mean": float(mean), "intrinsic/max": float(largest)}
 
     # -- what is learned from -------------------------------------------------------------------
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
-        """Transitions drawn uniformly with replacement; the bonus sees raw observations."""
+        """Transitions drawn uniformly with replacement; the bonus sees raw observations.
+
+        Raises:
+            ValueError: If both the buffer and a VecNormalize scale rewards.
+        """
+        if self.norm_reward and env is not None and env.norm_reward:
+            raise ValueError(
+                "`norm_reward` must be False of the buffer or of the VecNormalize: each would "
+                "scale what the other has scaled."
+            )
         drawn = self._draw(batch_size)
-        rewards = self.weight * self._bonus_of(drawn)
-        if self.extrinsic:
-            rewards = rewards + self._normalize_reward(self.rewards.take(drawn), env)
+        rewards = self._normalize_reward(self.rewards.take(drawn), env)
+        rewards = self.curiosity.total(rewards, self._bonus_of(drawn))
         is_dict = isinstance(self.observation_space, spaces.Dict)
         samples: Any = DictReplayBufferSamples if is_dict else ReplayBufferSamples
         return samples(  # type: ignore[no-any-return]

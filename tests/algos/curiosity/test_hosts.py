@@ -193,6 +193,7 @@ class TestSettings:
             ("bonus_kwargs", 3),
             ("weight", -0.1),
             ("extrinsic", "no"),
+            ("norm_reward", "no"),
             ("gamma", 1.1),
             ("train_interval", 0),
             ("n_updates", 0),
@@ -201,7 +202,8 @@ class TestSettings:
         ],
     )
     def test_errors_name_the_argument(self, host, name, value):
-        if host is HOSTS["motivation"] and name in ("weight", "extrinsic", "train_interval"):
+        of_rewards = "weight", "extrinsic", "norm_reward", "train_interval"
+        if host is HOSTS["motivation"] and name in of_rewards:
             pytest.skip("evolution weighs by `phi`, and trains once a generation")
         with pytest.raises(ValueError, match=f"`{name}` must be"):
             host.make(**{name: value})
@@ -247,7 +249,7 @@ class TestForOnePolicy:
 
     def test_changes_are_in_the_file(self, payer, tmp_path):
         changes = {"weight": 0.0, "extrinsic": False, "train_interval": 4, "gamma": 0.5}
-        changes |= {"n_updates": 3, "batch_size": 5}
+        changes |= {"n_updates": 3, "batch_size": 5, "norm_reward": not payer.make().norm_reward}
         made, again = payer.make(), payer.make()
         for name, value in changes.items():
             setattr(made, name, value)
@@ -260,7 +262,13 @@ class TestForOnePolicy:
 
     @pytest.mark.parametrize(
         ("name", "value"),
-        [("weight", -1.0), ("extrinsic", 2), ("train_interval", 0), ("gamma", 1.0)],
+        [
+            ("weight", -1.0),
+            ("extrinsic", 2),
+            ("norm_reward", 2),
+            ("train_interval", 0),
+            ("gamma", 1.0),
+        ],
     )
     def test_what_a_change_may_be_is_said_at_once(self, payer, name, value):
         made = payer.make()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from curiosity_algos.curiosity.curiosity import LARGEST, BonusScale
+from curiosity_algos.curiosity.curiosity import LARGEST, RewardScale
 
 
 def scaled(scale, bonus, gamma=0.99):
@@ -18,7 +18,7 @@ def scaled(scale, bonus, gamma=0.99):
     ],
 )
 def test_it_comes_to_the_deviation_of_the_discounted_sums(n_envs, gamma, size, n_steps, close):
-    scale, rng = BonusScale(n_envs), np.random.default_rng(0)
+    scale, rng = RewardScale(n_envs, bounds_sums=True), np.random.default_rng(0)
     sums, seen = np.zeros(n_envs), []
     for _ in range(n_steps):
         bonus = rng.exponential(size, n_envs)
@@ -28,8 +28,21 @@ def test_it_comes_to_the_deviation_of_the_discounted_sums(n_envs, gamma, size, n
     assert paid == pytest.approx(bonus / np.std(seen), rel=close)
 
 
+def test_a_sum_ends_with_its_episode():
+    scale, rng = RewardScale(2, bounds_sums=True), np.random.default_rng(0)
+    sums, seen = np.zeros(2), []
+    for t in range(1000):
+        rewards = rng.exponential(1.0, 2)
+        scale.learn(rewards, gamma=0.9)
+        scale.end(ended := np.array([t % 3 == 2, t % 5 == 4]))
+        sums = 0.9 * sums + rewards
+        seen.append(sums)
+        sums = np.where(ended, 0.0, sums)
+    assert scale.scaled(np.ones(1)) == pytest.approx(1.0 / np.std(seen), rel=0.02)
+
+
 def test_it_is_bounded():
-    scale = BonusScale(1)
+    scale = RewardScale(1, bounds_sums=True)
     for _ in range(50):
         scale.learn(np.ones(1), gamma=0.0)
     assert scale.scaled(np.full(1, 1e9)) == [LARGEST]
@@ -39,7 +52,7 @@ def test_it_is_bounded():
 @pytest.mark.parametrize("n_envs", [1, 16])
 @pytest.mark.parametrize("before", [0, 3, 300])
 def test_one_bonus_like_no_other_hardly_moves_it(n_envs, before):
-    scale, spared = BonusScale(n_envs), BonusScale(n_envs)
+    scale, spared = RewardScale(n_envs, bounds_sums=True), RewardScale(n_envs, bounds_sums=True)
     rng, means = np.random.default_rng(0), []
     for step in range(before + 1001):
         bonus = outlying = rng.exponential(1.0, n_envs) ** 3
@@ -52,7 +65,7 @@ def test_one_bonus_like_no_other_hardly_moves_it(n_envs, before):
 
 def test_it_forgets_what_was_long_ago(monkeypatch):
     monkeypatch.setattr("curiosity_algos.curiosity.curiosity.MEMORY", 100)
-    scale, fresh = BonusScale(1), BonusScale(1)
+    scale, fresh = RewardScale(1, bounds_sums=True), RewardScale(1, bounds_sums=True)
     for size, both in ((1e3, [scale]), (1.0, [scale, fresh])):
         for _ in range(2000):
             paid = [scaled(each, np.full(1, size), gamma=0.5).item() for each in both]

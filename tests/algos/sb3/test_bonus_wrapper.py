@@ -1,3 +1,5 @@
+from functools import partial
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
 import curiosity_algos
-from curiosity_algos.curiosity.curiosity import BonusScale
+from curiosity_algos.curiosity.curiosity import RewardScale
 from curiosity_algos.sb3 import bonus_wrapper
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 
@@ -66,7 +68,7 @@ def make_venv(n=2, env=Count):
 
 def wrap(venv=None, **changes):
     settings = {"seed": 0, "device": "cpu", "train_interval": 8, "n_updates": 2, "batch_size": 4}
-    given = {"bonus": "icm", "weight": 1.0} | settings | changes
+    given = {"bonus": "icm", "weight": 1.0, "norm_reward": False} | settings | changes
     return BonusVecEnvWrapper(venv or make_venv(), **given)
 
 
@@ -77,6 +79,11 @@ def wrap_trained(venv=None, bonus=None, **changes):
     wrapper.train_interval = 8
     wrapper.bonus.asked.clear()
     return wrapper
+
+
+def unequal():
+    """Environments whose episodes end at other times, by the task and by a limit."""
+    return DummyVecEnv([Count, lambda: gym.wrappers.TimeLimit(Count(), 3), Count])
 
 
 def play(venv, n_steps, seed=0):
@@ -145,9 +152,33 @@ class TestRewards:
                 total = extrinsic * info["reward_extrinsic"] + info["reward_intrinsic"]
                 assert rewards[i] == np.float32(total)
 
+    @pytest.mark.parametrize("weight", [0.0, 0.02, 5.0])
+    @pytest.mark.parametrize("extrinsic", [True, False])
+    def test_the_sum_is_scaled_as_sb3s_vec_normalize_scales_it(self, extrinsic, weight):
+        settings = {"extrinsic": extrinsic, "weight": weight, "gamma": 0.9, "train_interval": 1}
+        ours = wrap(unequal(), bonus=Recorder(), norm_reward=True, **settings)
+        theirs = VecNormalize(
+            wrap(unequal(), bonus=Recorder(), **settings), norm_obs=False, gamma=0.9
+        )
+        for is_training in (True, True, False, True):  # each ends in mid-episode
+            ours.training = theirs.training = theirs.venv.training = is_training
+            both = zip(play(ours, 30), play(theirs, 30), strict=True)
+            for (_, rewards, *_), (_, expected, *_) in both:
+                np.testing.assert_allclose(rewards, expected, rtol=1e-5)
+
+    def test_without_a_scale_yet_rewards_are_as_they_are(self):
+        large = partial(gym.wrappers.TransformReward, func=lambda reward: 100.0 * reward)
+        venv = wrap(DummyVecEnv([lambda: large(Count())]), norm_reward=True)
+        venv.training = False
+        assert {rewards[0] for _, rewards, *_ in play(venv, 8)} == {0.0, 100.0}
+
+    def test_without_a_discount_nothing_is_scaled(self):
+        steps = play(wrap_trained(norm_reward=True, gamma=None, weight=2.0), 4)
+        assert [rewards[0] for _, rewards, *_ in steps] == [2.0, 4.0, 6.0, 9.0]
+
     def test_the_bonus_is_scaled_by_the_deviation_of_its_discounted_sum(self):
         venv = wrap(make_venv(3), bonus=Recorder(), gamma=0.9, train_interval=1)
-        scale = BonusScale(3)
+        scale = RewardScale(3, bounds_sums=True)
         for t, (_, _, _, infos) in enumerate(play(venv, 100)):
             if t:  # there is no bonus before the first training
                 scale.learn(np.full(3, 1.0 + t % 4), gamma=0.9)
@@ -230,17 +261,19 @@ class TestTraining:
         assert th.equal(th.cat(bonus.observed)[:4].ravel(), th.tensor([0.0, 0.0, 1.0, 1.0]))
 
     def test_it_may_be_switched_off(self, assert_same):
-        venv = wrap(bonus="rnd", train_interval=2)
+        venv = wrap(bonus="rnd", train_interval=2, norm_reward=True)
         play(venv, 5)
         venv.training = False
         before = venv.state_dict()
         steps = play(venv, 6, seed=1)
         after = venv.state_dict()
-        scales = [each["curiosity"].pop("scale") for each in (before, after)]
+        names = "scale", "total_scale"
+        scales = [[each["curiosity"].pop(name) for name in names] for each in (before, after)]
         for name in ("curiosity", "buffer"):
             assert_same(before[name], after[name])
-        np.testing.assert_array_equal(*(scale["statistics"] for scale in scales))
-        assert not scales[1]["sums"].any()  # since the reset
+        for scale, later in zip(*scales, strict=True):
+            np.testing.assert_array_equal(scale["statistics"], later["statistics"])
+            assert not later["sums"].any()  # since the reset
         assert all(info[0]["reward_intrinsic"] > 0 for *_, info in steps)
 
 

@@ -8,7 +8,7 @@ import sb3_contrib
 import stable_baselines3
 import torch as th
 from gymnasium import spaces
-from recorder import Recorder
+from recorder import Count, Recorder
 from saved_files import with_entry
 from stable_baselines3.common.buffers import DictReplayBuffer, ReplayBuffer
 from stable_baselines3.common.env_util import make_vec_env
@@ -17,7 +17,7 @@ from toys import OFF_POLICY, Toy
 
 from curiosity_algos.bonuses import make
 from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.curiosity.curiosity import BonusScale
+from curiosity_algos.curiosity.curiosity import RewardScale
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
 
@@ -108,6 +108,7 @@ def test_by_default_its_bonus_weighs_more_than_a_wrappers():
     buffer = BonusReplayBuffer(9, OBSERVATIONS, ACTIONS, "cpu")
     wrapper = BonusVecEnvWrapper(make_vec_env("Pendulum-v1"))
     assert (buffer.weight, wrapper.weight) == (1.0, 0.02)
+    assert (buffer.norm_reward, wrapper.norm_reward) == (False, True)
     assert BonusReplayBuffer(9, OBSERVATIONS, ACTIONS, "cpu", weight=0.5).weight == 0.5
 
 
@@ -259,7 +260,7 @@ class TestTraining:
     def test_the_scale_is_that_of_the_sums_so_far(self):
         buffer = make_buffer(60, n_envs=2, train_interval=10, gamma=0.9, extrinsic=False)
         walk(buffer, 5)
-        scale = BonusScale(2)
+        scale = RewardScale(2, bounds_sums=True)
         places = np.arange(5)[:, None] + [0.0, 100.0]
         steps = 6 * places + places / 100 + 4
         largest = 0.0
@@ -272,6 +273,35 @@ class TestTraining:
         np.testing.assert_allclose(sample.rewards[:, 0], 0.5 * of_now, rtol=1e-5)
         assert buffer.metrics["recorder/loss"] > 0.0
         assert buffer.metrics["intrinsic/max"] == pytest.approx(0.5 * largest, rel=1e-5)
+
+    @pytest.mark.parametrize("train_interval", [4, 9])
+    def test_the_sum_has_the_scale_of_its_sums_over_episodes(self, train_interval):
+        of_parts = {"norm_reward": True, "gamma": 0.9, "weight": 0.5}
+        buffer = make_buffer(60, train_interval=train_interval, **of_parts)
+        bonus_scale, scale = RewardScale(1, bounds_sums=True), RewardScale(1, bounds_sums=False)
+        truncated, left = {"done": True, "truncated": True}, {}
+        walked = [(0, {}), (1, {}), (2, {"done": True}), (3, left), (5, {}), (6, truncated)]
+        walked += [(0, {}), (1, truncated), (2, {})]
+        for x, how in walked:
+            add(buffer, x, reward=float(x), **how)
+            bonus = np.array([worth(x)], dtype=np.float64)
+            bonus_scale.learn(bonus, gamma=0.9)
+            scale.learn(x + 0.5 * bonus_scale.scaled(bonus), gamma=0.9)
+            scale.end(np.array([how is left or "done" in how]))
+        buffer.train_bonus()
+        sample = buffer.sample(100)
+        x = sample.observations.numpy()[:, 0].astype(np.float64)
+        expected = scale.scaled(x + 0.5 * bonus_scale.scaled(worth(x)))
+        np.testing.assert_allclose(sample.rewards[:, 0], expected, rtol=1e-5)
+
+    def test_a_vec_normalize_scales_rewards_or_the_buffer_does(self):
+        buffer = make_buffer(norm_reward=True)
+        add(buffer, 1)
+        venv = VecNormalize(DummyVecEnv([Count]))
+        with pytest.raises(ValueError, match="`norm_reward` must be False of the buffer or of"):
+            buffer.sample(1, venv)
+        venv.norm_reward = False
+        buffer.sample(1, venv)
 
     def test_each_transition_is_scored_once_until_the_next(self, monkeypatch):
         buffer = make_buffer(40, extrinsic=False, n_envs=2, train_interval=8)

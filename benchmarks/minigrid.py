@@ -37,6 +37,15 @@ POLICY = {
     "features_extractor_kwargs": {"batch_norm": True},
     "normalize_images": False,
 }
+SETTINGS = {
+    "n_steps": 128,
+    "batch_size": 256,
+    "learning_rate": 1e-3,
+    "n_epochs": 4,
+    "ent_coef": 0.01,
+    "policy_kwargs": POLICY,
+}
+"""Of PPO."""
 
 
 class Returns(BaseCallback):
@@ -65,17 +74,7 @@ def make_ppo(env: str, bonus: str, seed: int) -> PPO:
     venv = make_vec_env(partial(make_env, env), n_envs=16, seed=seed)
     if bonus != "none":
         venv = BonusVecEnvWrapper(venv, bonus=bonus, weight=0.1, norm_reward=False, seed=seed)
-    return PPO(
-        "CnnPolicy",
-        venv,
-        n_steps=128,
-        batch_size=256,
-        learning_rate=1e-3,
-        n_epochs=4,
-        ent_coef=0.01,
-        policy_kwargs=POLICY,
-        seed=seed,
-    )
+    return PPO("CnnPolicy", venv, seed=seed, **SETTINGS)
 
 
 def train(runs: Path, env: str, bonus: str, seed: int) -> None:

@@ -110,6 +110,11 @@ def table(name: str) -> str:
     return markdown(["Task", *heads], rows)
 
 
+def times(timesteps: pd.Series, unit: float) -> list[str]:
+    """Timesteps of each seed in a unit; "never" where there are none."""
+    return ["never" if pd.isna(each) else short(each / unit, 1) for each in timesteps]
+
+
 def _task(algorithm: str, env: str) -> str:
     """The environment, and what a run had otherwise than others; of a maze drawn its name."""
     named = [] if env == GENERAL else [short_name(env)]
@@ -118,11 +123,8 @@ def _task(algorithm: str, env: str) -> str:
 
 def _cells(group: pd.DataFrame) -> list[Iterable[str]]:
     """Of each seed when it found and came back, and how often its last policy comes to the goal."""
-    times = [
-        ["never" if pd.isna(x) else short(x / 1e6, 1) for x in group[f"{what}_timesteps"]]
-        for what in ("first_success", "reliable")
-    ]
-    return [*times, group["drawn"].map(str), group["best"].map(str)]
+    when = [times(group[f"{what}_timesteps"], 1e6) for what in ("first_success", "reliable")]
+    return [*when, group["drawn"].map(str), group["best"].map(str)]
 
 
 if __name__ == "__main__":

@@ -32,9 +32,9 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from benchmarks import minigrid
+from benchmarks.kept import times
 from benchmarks.measure import markdown
 from benchmarks.results import FOLDER, add_rows, recorded
-from benchmarks.run_tables import short
 from curiosity_algos import BonusVecEnvWrapper
 from curiosity_algos.evaluation.batches import terminations
 
@@ -290,11 +290,8 @@ def table(values: pd.DataFrame) -> str:
     """A row for each task and learner: when each seed arrived, and its last policy."""
     rows = []
     for (task, learner), runs in values.groupby(["task", "learner"], sort=False):
-        times = [
-            " / ".join("never" if pd.isna(x) else short(x / 1e3, 1) for x in runs[column])
-            for column in ("first_success_timesteps", "reliable_timesteps")
-        ]
-        rows.append([task, learner, *times, " / ".join(map(str, runs["drawn"]))])
+        when = [times(runs[f"{what}_timesteps"], 1e3) for what in ("first_success", "reliable")]
+        rows.append([task, learner, *map(" / ".join, [*when, runs["drawn"].map(str)])])
     first, reliable = "First success (k timesteps)", f"{RELIABLE} of the last {N_EPISODES}"
     return markdown(["Task", "PPO with", first, reliable, f"Of {N_EPISODES} at the end"], rows)
 

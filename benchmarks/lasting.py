@@ -26,7 +26,7 @@ from gymnasium.wrappers import TransformObservation
 
 from benchmarks.measure import markdown
 from benchmarks.results import FOLDER, add_rows, recorded
-from benchmarks.until_found import UntilFound
+from benchmarks.until_found import UntilFound, in_words
 from curiosity_algos import NSES, CuriosityES
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 
@@ -150,13 +150,8 @@ def table(values: pd.DataFrame) -> str:
     """A row for each noise: by each algorithm how many runs found the goal, and when."""
     rows = []
     for noise, of_noise in values.groupby("noise", sort=False):
-        cells = []
-        for algorithm in ALGORITHMS:
-            firsts = of_noise[of_noise["algorithm"] == algorithm]["first_success_timesteps"] / 1e6
-            when = firsts.fillna(np.inf).median()
-            said = "" if np.isinf(when) else f", {when:.1f} M"
-            cells.append(f"{firsts.notna().sum()} of {len(firsts)}{said}")
-        rows.append([noise, *cells])
+        firsts = of_noise.set_index("algorithm")["first_success_timesteps"]
+        rows.append([noise, *(in_words(firsts[[each]]) for each in ALGORITHMS)])
     return markdown(["Noise", *ALGORITHMS], rows)
 
 

@@ -14,6 +14,7 @@ import pandas as pd
 import typer
 
 from benchmarks import (
+    dynamics,
     hold,
     kept,
     lasting,
@@ -44,7 +45,7 @@ PAGES = (
     *("docs/clusters.md", "docs/robustify.md", "docs/where_it_fails.md"),
     "docs/algorithms/go_explore.md",
     "docs/weight.md",
-    *("docs/paper.md", "docs/paper_claims.md", "docs/paper_today.md"),
+    *("docs/paper.md", "docs/paper_choices.md", "docs/paper_claims.md", "docs/paper_today.md"),
 )
 UNSEEN = "locomotion_long_unseen"
 MARKED = re.compile(r"(<!-- table (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
@@ -175,6 +176,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "locomotion-long-unseen": partial(make_table, read_rows, UNSEEN, unseen.table),
     "hold": partial(make_table, read_rows, "hold", hold.table),
     "lasting": partial(make_table, read_rows, "lasting", lasting.table),
+    "dynamics": partial(make_table, read_rows, "dynamics", dynamics.table),
+    "dynamics-random": partial(make_table, read_rows, "dynamics_random", dynamics.random_table),
     "restored-words": partial(make_table, read_rows, "restored", restored.in_words),
     "restored": partial(make_table, read_rows, "restored", restored.table),
     "summary-of-speed": partial(summary_of, HEADLINES),

@@ -16,6 +16,7 @@ from PIL import Image
 
 from benchmarks import (
     baselines,
+    dynamics,
     figures,
     gallery,
     hold,
@@ -270,6 +271,36 @@ def test_noise_lasts_and_is_shared_where_it_shall(name):
     assert (np.ptp(beside, axis=1).max() == 0.0) == is_shared
     again, _ = env.reset(seed=[3] * lasting.N_ENVS)
     assert np.array_equal(again, seen[0]) == is_shared
+
+
+def test_what_dynamics_make_easy_is_added_to_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(dynamics, "ALGORITHMS", ("NSES", "MAPElites"))
+    for _ in range(2):  # the second time nothing is left to do
+        dynamics.main(seeds=1, timesteps=1, policies=60, out=tmp_path)
+    rows, played = (
+        pd.read_csv(tmp_path / f"{name}.csv") for name in ("dynamics", "dynamics_random")
+    )
+    assert len(rows) == 2 * len(dynamics.MAZES)
+    assert dynamics.table(rows).count("of 1") == len(rows)
+    found = played.set_index(["dynamics", "env"])["found"].groupby("dynamics").sum()
+    assert found["as here"] == 0 < found["the code's"]
+    assert "Dynamics, of 60 policies" in dynamics.random_table(played)
+
+
+def test_actions_of_curiosity_es_are_those_of_the_code():
+    """`100 tanh(z / 100)` is nearly the output itself: of small outputs, nearly no acceleration."""
+    envs = [
+        gym.make("CuriosityMaze-US-v0", horizon=1, max_acceleration=largest, **dynamics.CODE)
+        for largest in (5.0, 100.0)
+    ]
+    drawn = np.random.default_rng(0).normal(0.0, 0.3, (20, 1746)).astype(np.float32)
+    parts = drawn, dynamics.strong(drawn)
+    weak, strong = (
+        10.0 * make_evaluator(env).evaluate(each).behaviors[:, 2:]  # a tenth of a second at rest
+        for env, each in zip(envs, parts, strict=True)
+    )
+    outputs = np.arctanh(weak / 5.0)
+    np.testing.assert_allclose(strong, 100.0 * np.tanh(outputs / 100.0), rtol=1e-3)
 
 
 def test_what_lasting_noise_does_is_added_to_a_file(tmp_path, monkeypatch):

@@ -1,9 +1,17 @@
-"""What the paper's sections 5 and 6 say of algorithms, in our words, and what would show it."""
+"""What the paper says of algorithms, in our words, and what would show it.
+
+`python -m benchmarks.claims` prints the verdicts, and with `--check` it compares the prose of the
+pages with the committed runs.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
+import typer
+
+from benchmarks import prose
 from benchmarks.judging import (
     Judge,
     ahead,
@@ -18,6 +26,7 @@ from benchmarks.judging import (
     opposite,
     takes_longer,
 )
+from benchmarks.paper import SETTINGS, Tables
 from benchmarks.plan import (
     BOTTLENECK,
     COMPARED,
@@ -25,12 +34,13 @@ from benchmarks.plan import (
     MAZES,
     exploring,
 )
-from benchmarks.run_numbers import N_POLICIES, US
+from benchmarks.run_numbers import DRAWN, N_POLICIES, US
 
 SNAKE, _, HARD = MAZES
 BALL, FINGER, STACKER = CONTROL
 ALL = (*MAZES, *CONTROL)
 OTHERS = COMPARED[1:]
+EVERY_OTHER = (*OTHERS, "NSLC", "AURORA")
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,16 @@ def _explores_as_much(x: str, y: str, *envs: str) -> Judge:
 
 
 _SAID: dict[str, dict[str, Judge]] = {
+    "abstract": {
+        f"Curiosity-ES finds more rewarding policies than {other}.": ahead(
+            "rewarding policies", "CuriosityES", other, *ALL
+        )
+        for other in EVERY_OTHER
+    },
+    "4.4": {
+        f"Curiosity-ES covers more than {other}.": _explores("CuriosityES", other, *ALL)
+        for other in EVERY_OTHER
+    },
     "5": {
         "Curiosity-ES finds a reward in all six environments.": finds("CuriosityES", *ALL),
         **{
@@ -105,6 +125,8 @@ _SAID: dict[str, dict[str, Judge]] = {
         "Curiosity-ES reaches almost all terminal states of the mazes: 90 % or more.": at_least(
             "coverage", "CuriosityES", 0.9, *MAZES
         ),
+        "Curiosity-ES continually explores: it covers .01 or more of the mazes in the second half "
+        "of the steps.": at_least("late coverage", "CuriosityES", 0.01, *MAZES),
         "MAP-Elites covers less than Curiosity-ES in every maze.": ahead(
             "coverage", "CuriosityES", "MAPElites", *MAZES
         ),
@@ -188,6 +210,12 @@ _SAID: dict[str, dict[str, Judge]] = {
             )
             for name in ("NSES", "NSLC")
         },
+        "This is less pronounced for NSLC than for NS-ES.": all_of(
+            *(
+                ahead("coverage lost", exploring("NSES", env), exploring("NSLC", env), env)
+                for env in BOTTLENECK
+            )
+        ),
         "Curiosity-ES, which knows no behavior, explores as much as NS-ES, up to a tenth, "
         "or more.": _explores_as_much("CuriosityES", "NSES", *BOTTLENECK),
     },
@@ -206,6 +234,11 @@ _SAID: dict[str, dict[str, Judge]] = {
             for other in ("MAPElites", "CMAME")
         },
         **{
+            f"Curiosity-ES covers the areas that {other} found: nine tenths of its "
+            "regions.": at_least(f"share of {other}'s regions", "CuriosityES", 0.9, US)
+            for other in DRAWN
+        },
+        **{
             f"Curiosity-ES finds more rewarding policies in US than {other}.": ahead(
                 "rewarding policies", "CuriosityES", other, US
             )
@@ -220,3 +253,22 @@ _SAID: dict[str, dict[str, Judge]] = {
 CLAIMS = [
     Claim(section, text, judge) for section, said in _SAID.items() for text, judge in said.items()
 ]
+
+
+def main(
+    check: Annotated[bool, typer.Option("--check", help="Compare the pages' prose.")] = False,
+) -> None:
+    """Print the verdicts, or what a page says otherwise than the data, and fail then."""
+    if not check:
+        for settings in SETTINGS:
+            tables = Tables(settings)
+            for claim in CLAIMS:
+                print(f"{settings}, {claim.section}: {claim.text} *{claim.judge(tables).word}*")
+        return
+    faults = [f"{page}: {fault}" for page in prose.STATEMENTS for fault in prose.faults(page)]
+    print("\n".join(faults) or "The pages say what the data say.")
+    raise typer.Exit(bool(faults))
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,16 +1,16 @@
 """Whether what is said of algorithms holds of the runs that there are.
 
-That one algorithm is ahead of another holds in an environment if the ranks of their runs would come
-to that by chance in at most `LEVEL` of all cases (Mann and Whitney's test, over all permutations;
-three runs against three come to no less), and does not hold if the opposite would. That one is as
-good as another holds if the 95 % interval of the difference of their means is above minus the
-margin. A reward is found if every run finds one, not found if less than half of them do, unless
-they had less than `LEAST_SHARE` of the paper's steps. Fewer than three runs say nothing.
+A verdict needs `LEAST_RUNS` of each algorithm, and whole budgets. That one algorithm is ahead of
+another holds in an environment if the ranks of their runs would come to that by chance in at most
+`LEVEL` of all cases (Mann and Whitney's test, over all permutations), and does not hold if the
+opposite would. That one is as good as another holds if the 95 % interval of the difference of their
+means is above minus the margin. A reward is found if every run finds one, whatever its budget, and
+not found if less than half of them do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
@@ -20,16 +20,17 @@ from scipy.stats import PermutationMethod, mannwhitneyu
 from benchmarks.paper import Tables
 from benchmarks.plan import Series
 from benchmarks.record import read_sections
-from benchmarks.run_numbers import Float64, measured
+from benchmarks.run_numbers import SPENT, Float64, measured
+from benchmarks.run_tables import LEAST_RUNS
 from benchmarks.speed_tables import SPEED_FILE
 from curiosity_algos.experiments.canvas import short_name
-from curiosity_algos.experiments.statistics import LEAST_RUNS, Interval, stratified_bootstrap
+from curiosity_algos.experiments.statistics import Interval, stratified_bootstrap
 
 LEVEL = 0.05
 """Chance at which one is ahead of another."""
-LEAST_SHARE = 0.01
-"""Of the paper's steps: what runs with fewer do not find may come later."""
-REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "undecided"
+WHOLE = 0.99
+"""The share of the steps from which on they count as all: what is not found may come later."""
+REPRODUCED, NOT_REPRODUCED, UNKNOWN = "reproduced", "not reproduced", "cannot be told"
 
 
 class Verdict(NamedTuple):
@@ -48,22 +49,35 @@ Judge: TypeAlias = Callable[[Tables], Verdict]
 
 
 def _numbers(tables: Tables, measure: str, algorithm: str | Series, env: str) -> Float64:
-    """The number of each of the runs, NaN where it has none; at least `LEAST_RUNS`, or none."""
+    """The number of each of the runs, NaN where it has none."""
     values = measured(measure, tables)
     series = Series(algorithm) if isinstance(algorithm, str) else algorithm
     key = (series.algorithm, env, series.variant)
-    found = values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
-    return found if len(found) >= LEAST_RUNS else np.empty(0)
+    return values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
 
 
-def _short_of(env: str, *numbers: Float64) -> Verdict | None:
-    """The verdict where there are too few runs, or too few of them have a number."""
-    if min(map(len, numbers)) < LEAST_RUNS:
+def _told(
+    tables: Tables,
+    measure: str,
+    env: str,
+    algorithms: Sequence[str | Series],
+    word: Callable[..., tuple[str, str]],
+) -> Verdict:
+    """The word for the numbers of algorithms, unless they have too few runs, or too few steps."""
+    runs = [_numbers(tables, measure, each, env) for each in algorithms]
+    if not all(map(len, runs)):
         return _not_trained(env)
-    n = min(np.isfinite(each).sum() for each in numbers)
+    spent = min(_numbers(tables, SPENT, each, env).min() for each in algorithms)
+    known = [each[np.isfinite(each)] for each in runs]
+    n = min(map(len, known))
+    means = " against ".join(f"{each.mean():.3g}" for each in known if len(each))
+    numbers = f"{short_name(env)}: {measure} {means}" if n else f"{short_name(env)}: {measure} -"
     if n < LEAST_RUNS:
-        return Verdict(UNKNOWN, f"{short_name(env)}: only {n} run{'' if n == 1 else 's'} with it")
-    return None
+        return Verdict(UNKNOWN, f"{numbers}, {n} run{'' if n == 1 else 's'}")
+    if spent < WHOLE:
+        return Verdict(UNKNOWN, f"{numbers}, in {100 * spent:.2g} % of the steps")
+    found, bounds = word(*known)
+    return Verdict(found, f"{numbers}{bounds}")
 
 
 def _not_trained(env: str) -> Verdict:
@@ -72,97 +86,96 @@ def _not_trained(env: str) -> Verdict:
 
 def finds(algorithm: str, *envs: str) -> Judge:
     """That every run finds a reward; not so if less than half of them do."""
-
-    def word(share: float) -> str:
-        return REPRODUCED if share == 1.0 else UNKNOWN if share >= 0.5 else NOT_REPRODUCED
-
-    return all_of(*(partial(_found, word, algorithm, env) for env in envs))
+    return all_of(*(partial(_found, False, algorithm, env) for env in envs))
 
 
 def finds_none(algorithm: str, *envs: str) -> Judge:
     """That no run finds a reward; not so if half of them or more do."""
-
-    def word(share: float) -> str:
-        return REPRODUCED if share == 0.0 else UNKNOWN if share < 0.5 else NOT_REPRODUCED
-
-    return all_of(*(partial(_found, word, algorithm, env) for env in envs))
+    return all_of(*(partial(_found, True, algorithm, env) for env in envs))
 
 
-def _found(word: Callable[[float], str], algorithm: str, env: str, tables: Tables) -> Verdict:
-    """The word for the share of the runs that found a reward."""
+def _found(is_denied: bool, algorithm: str, env: str, tables: Tables) -> Verdict:
+    """Whether the runs found a reward, or whether that is rightly denied."""
     is_found = np.isfinite(_numbers(tables, "first reward", algorithm, env))
     if not len(is_found):
         return _not_trained(env)
-    numbers = f"{short_name(env)} {is_found.sum()} of {len(is_found)}"
-    spent = _numbers(tables, "share of the paper's steps", algorithm, env).max()
-    if is_found.mean() < 0.5 and spent < LEAST_SHARE:
-        return Verdict(UNKNOWN, f"{numbers} in {100 * spent:.2g} % of the paper's steps")
-    return Verdict(word(float(is_found.mean())), numbers)
+    share, numbers = is_found.mean(), f"{short_name(env)} {is_found.sum()} of {len(is_found)}"
+    spent = _numbers(tables, SPENT, algorithm, env).min()
+    if is_denied:
+        word = REPRODUCED if share == 0.0 else NOT_REPRODUCED if share >= 0.5 else UNKNOWN
+    else:
+        word = REPRODUCED if share == 1.0 else NOT_REPRODUCED if share < 0.5 else UNKNOWN
+    if len(is_found) < LEAST_RUNS:
+        word = UNKNOWN
+    elif share < 0.5 and spent < WHOLE:
+        return Verdict(UNKNOWN, f"{numbers} in {100 * spent:.2g} % of the steps")
+    return Verdict(word, numbers)
 
 
 def ahead(measure: str, x: str | Series, y: str | Series, *envs: str) -> Judge:
     """That `x` has more than `y` in each environment."""
 
-    def word(first: Float64, second: Float64, difference: Interval) -> str:
+    def word(first: Float64, second: Float64) -> tuple[str, str]:
+        exact = PermutationMethod(20_000, rng=np.random.default_rng(0))
         for alternative, found in {"greater": REPRODUCED, "less": NOT_REPRODUCED}.items():
-            exact = PermutationMethod(20_000, rng=np.random.default_rng(0))
             if mannwhitneyu(first, second, alternative=alternative, method=exact).pvalue <= LEVEL:
-                return found
-        return UNKNOWN
+                return found, _bounds(_difference(first, second))
+        return UNKNOWN, _bounds(_difference(first, second))
 
-    return _in_each(word, measure, x, y, *envs)
+    return _in_each(word, measure, [x, y], envs)
 
 
 def as_good(measure: str, x: str | Series, y: str | Series, margin: float, *envs: str) -> Judge:
     """That `x` has as much as `y` in each environment, or more: up to a margin."""
 
-    def word(first: Float64, second: Float64, difference: Interval) -> str:
-        return _reaches(difference, -margin)
+    def word(first: Float64, second: Float64) -> tuple[str, str]:
+        difference = _difference(first, second)
+        return _reaches(difference, -margin), _bounds(difference)
 
-    return _in_each(word, measure, x, y, *envs)
+    return _in_each(word, measure, [x, y], envs)
 
 
 def nearly_as_good(measure: str, x: str | Series, y: str | Series, *envs: str) -> Judge:
     """The same up to a tenth of what `y` has, where a margin might be more than all of it."""
 
-    def word(first: Float64, second: Float64, difference: Interval) -> str:
-        return _reaches(difference, -0.1 * float(second.mean()))
+    def word(first: Float64, second: Float64) -> tuple[str, str]:
+        difference = _difference(first, second)
+        return _reaches(difference, -0.1 * float(second.mean())), _bounds(difference)
 
-    return _in_each(word, measure, x, y, *envs)
+    return _in_each(word, measure, [x, y], envs)
+
+
+def at_least(measure: str, algorithm: str, least: float, *envs: str) -> Judge:
+    """That the mean over the runs in each environment is so much or more."""
+
+    def word(values: Float64) -> tuple[str, str]:
+        mean = stratified_bootstrap(values, lambda runs: runs[0].mean(axis=-1))
+        return _reaches(mean, least), f" ({mean.low:.3g} to {mean.high:.3g})"
+
+    return _in_each(word, measure, [algorithm], envs)
 
 
 def _in_each(
-    word: Callable[[Float64, Float64, Interval], str],
+    word: Callable[..., tuple[str, str]],
     measure: str,
-    x: str | Series,
-    y: str | Series,
-    *envs: str,
+    algorithms: Sequence[str | Series],
+    envs: Sequence[str],
 ) -> Judge:
-    return all_of(*(partial(_compared, word, measure, x, y, env) for env in envs))
+    def judged(env: str) -> Judge:
+        return lambda tables: _told(tables, measure, env, algorithms, word)
+
+    return all_of(*map(judged, envs))
 
 
-def _compared(
-    word: Callable[[Float64, Float64, Interval], str],
-    measure: str,
-    x: str | Series,
-    y: str | Series,
-    env: str,
-    tables: Tables,
-) -> Verdict:
-    """The word for the numbers of two algorithms, and the difference of their means."""
-    first, second = (_numbers(tables, measure, each, env) for each in (x, y))
-    short = _short_of(env, first, second)
-    if short is not None:
-        return short
-    first, second = first[np.isfinite(first)], second[np.isfinite(second)]
-    difference = stratified_bootstrap(
+def _difference(first: Float64, second: Float64) -> Interval:
+    """The difference of means."""
+    return stratified_bootstrap(
         [first, second], lambda runs: runs[0].mean(axis=-1) - runs[1].mean(axis=-1)
     )
-    means = f"{first.mean():.3g} against {second.mean():.3g}"
-    bounds = f"{difference.low:+.3g} to {difference.high:+.3g}"
-    return Verdict(
-        word(first, second, difference), f"{short_name(env)}: {measure} {means}, {bounds}"
-    )
+
+
+def _bounds(difference: Interval) -> str:
+    return f", {difference.low:+.3g} to {difference.high:+.3g}"
 
 
 def _reaches(interval: Interval, limit: float) -> str:
@@ -170,21 +183,6 @@ def _reaches(interval: Interval, limit: float) -> str:
     if interval.low >= limit:
         return REPRODUCED
     return NOT_REPRODUCED if interval.high < limit else UNKNOWN
-
-
-def at_least(measure: str, algorithm: str, least: float, *envs: str) -> Judge:
-    """That the mean over the runs in each environment is so much or more."""
-    return all_of(*(partial(_at_least, measure, algorithm, least, env) for env in envs))
-
-
-def _at_least(measure: str, algorithm: str, least: float, env: str, tables: Tables) -> Verdict:
-    values = _numbers(tables, measure, algorithm, env)
-    short = _short_of(env, values)
-    if short is not None:
-        return short
-    mean = stratified_bootstrap(values[np.isfinite(values)], lambda runs: runs[0].mean(axis=-1))
-    numbers = f"{measure} {mean.estimate:.3g} ({mean.low:.3g} to {mean.high:.3g})"
-    return Verdict(_reaches(mean, least), f"{short_name(env)}: {numbers}")
 
 
 def opposite(judge: Judge) -> Judge:
@@ -204,13 +202,19 @@ def below(measure: str, algorithm: str, limit: float, *envs: str) -> Judge:
 
 
 def all_of(*judges: Judge) -> Judge:
-    """That several things are so: a claim does not hold if one of them is not."""
+    """That several things are so: a claim does not hold if one of them is not.
+
+    Where they differ, each has its own word.
+    """
 
     def judged(tables: Tables) -> Verdict:
-        verdicts = [judge(tables) for judge in judges]
+        verdicts = list(dict.fromkeys(judge(tables) for judge in judges))
         words = {verdict.word for verdict in verdicts}
         word = next(each for each in (NOT_REPRODUCED, UNKNOWN, REPRODUCED) if each in words)
-        return Verdict(word, "; ".join(dict.fromkeys(each.numbers for each in verdicts)))
+        said = [
+            f"{each.numbers}: {each.word}" if len(words) > 1 else each.numbers for each in verdicts
+        ]
+        return Verdict(word, "; ".join(said))
 
     return judged
 

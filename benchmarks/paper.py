@@ -26,7 +26,7 @@ import typer
 from benchmarks import paper_figures, results
 from benchmarks.figures import IMAGES, points_of
 from benchmarks.paper_figures import MEASURES, SIDE, Counts, count_final_states
-from benchmarks.plan import Series, series_of
+from benchmarks.plan import BUDGETS, Series, series_of
 from benchmarks.projection import (
     Projection,
     project_rewarding,
@@ -50,6 +50,8 @@ BONUS = "intrinsic/mean"
 PUBLIC_STEP = "step=canonical"
 SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP), "tuned": ("tuned", "")}
 """By name the preset, and the setting whose runs count instead, of algorithms that have it."""
+BUDGET = {"paper": "paper", "public": "paper", "tuned": "short"}
+"""By the same names the budget that claims are judged at."""
 FIGURES = {
     "paper": (1, 2, 3, 4, 5, 6, 7, 8),
     "public": (2, 3, 4, 7, 8),
@@ -191,10 +193,14 @@ class Tables:
     Args:
         settings: One of `SETTINGS`.
         folder: That holds the files.
+
+    Attributes:
+        budget: That claims are judged at.
     """
 
     def __init__(self, settings: str, folder: Path = FOLDER) -> None:
         preset, setting = SETTINGS[settings]
+        self.budget = BUDGETS[BUDGET[settings]]
         tables = {path.stem: read(path) for path in folder.glob("*.csv")}
         tables = {name: table[table["preset"] == preset] for name, table in tables.items()}
         runs = tables["runs"]

@@ -72,7 +72,7 @@ CURVES = {
 }
 """Figures of curves: the measure, and the titles of figure and axis."""
 NOTE = (
-    "Thick: interquartile mean of {}; shaded: its 95 % interval, of three runs or more; "
+    "Thick: interquartile mean of {}; shaded: a bootstrap's interval, of three runs or more; "
     "thin: each run; dotted: beyond the budget of an algorithm."
 )
 

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from functools import cache
 
-import numpy as np
 import pandas as pd
 
+from benchmarks import run_tables
 from benchmarks.claims import CLAIMS
-from benchmarks.judging import Verdict
+from benchmarks.judging import NOT_REPRODUCED, REPRODUCED, Verdict
 from benchmarks.measure import markdown
 from benchmarks.paper import PUBLIC_STEP, Tables
 from benchmarks.plan import series_of
 from benchmarks.results import ENVIRONMENTS, in_order
 from benchmarks.run_numbers import N_POLICIES, US, measured
 from curiosity_algos.experiments.canvas import short_name
-from curiosity_algos.experiments.statistics import interquartile_mean, stratified_bootstrap
 
 evidence = cache(Tables)
 """What is committed of some settings, read once."""
+WOULD = {REPRODUCED: "would hold", NOT_REPRODUCED: "would not hold"}
 COLUMNS = ["Section", "What the paper says", "Verdict", "Our runs"]
 
 
@@ -33,16 +33,21 @@ def claims(settings: str, others: str | None = None) -> str:
     compared = [None] * len(CLAIMS) if others is None else judge(others)
     judged = zip(CLAIMS, judge(settings), compared, strict=True)
     rows = [
-        [claim.section, claim.text, *verdict]
+        [claim.section, claim.text, _as_said(verdict.word, settings), verdict.numbers]
         for claim, verdict, other in judged
         if verdict != other
     ]
     return markdown(COLUMNS, rows)
 
 
+def _as_said(word: str, settings: str) -> str:
+    """Today's settings are not the paper's: with them a claim would hold, or would not."""
+    return WOULD.get(word, word) if settings == "tuned" else word
+
+
 def verdicts(settings: str) -> str:
     """How many claims have which verdict, in a line."""
-    words = pd.Series([verdict.word for verdict in judge(settings)])
+    words = pd.Series([_as_said(verdict.word, settings) for verdict in judge(settings)])
     return f"{', '.join(f'{n} {word}' for word, n in words.value_counts().items())}."
 
 
@@ -69,7 +74,7 @@ def of_reasons(preset: str) -> pd.DataFrame:
 def diversity(settings: str) -> str:
     """Of the rewarding policies on US how many there are, and how they differ.
 
-    Interquartile means over the runs that have them, with their 95 % intervals. Of algorithms that
+    Interquartile means over the runs that have them, with intervals or ranges. Of algorithms that
     figure 8 does not have the number alone is known.
     """
     names = ["rewarding policies", "nearest distance", f"routes of {N_POLICIES}", "regions"]
@@ -86,9 +91,7 @@ def _mean(values: pd.Series, algorithm: str) -> str:
     found = values.xs((algorithm, US, ""), level=(0, 1, 2)).dropna()
     if found.empty:
         return "-"
-    mean = stratified_bootstrap(found.to_numpy(dtype=float), interquartile_mean)
-    interval = "" if np.isnan(mean.low) else f" ({mean.low:.3g} to {mean.high:.3g})"
-    return f"{mean.estimate:.3g}{interval}"
+    return run_tables.of_runs(found.to_numpy(dtype=float), "{:.3g}".format)
 
 
 def hours(preset: str) -> str:

@@ -16,19 +16,22 @@ from scipy.stats import entropy
 
 from benchmarks.paper import COLUMNS, SIZE, Tables
 from benchmarks.paper_figures import SIDE
-from benchmarks.plan import BUDGETS, CONTROL, MAZES
+from benchmarks.plan import CONTROL, MAZES
 from curiosity_gym.layouts import reachable_cells
 
 Float64 = npt.NDArray[np.float64]
 Runs: TypeAlias = pd.Series
 """A number of each run, by algorithm, environment, variant and seed."""
 
+SPENT = "share of the steps"
 RUN = ["algorithm", "env", "variant", "seed"]
 US = MAZES[1]
 N_POLICIES = 50
 """Rewarding policies of a run that are compared where their number would matter."""
 N_REGIONS = 20
 """Regions along each side of the projection, between its 1 % and 99 % quantiles."""
+DRAWN = ("CMAME", "MAPElites")
+"""Whose rewarding policies figure 8 shows beside those of Curiosity-ES."""
 RADIUS = 20.0
 """Maze units that are near a goal."""
 
@@ -42,11 +45,11 @@ def budget_share(tables: Tables) -> Runs:
     return _column("first_success_timesteps", tables) / _column("timesteps", tables)
 
 
-def paper_share(tables: Tables) -> Runs:
-    """A run's timesteps over those that the paper spends on its environment."""
-    spent = {env: BUDGETS["paper"].timesteps("NSES", env) for env in (*MAZES, *CONTROL)}
+def spent_share(tables: Tables) -> Runs:
+    """A run's timesteps over those that the settings' budget has for a population's."""
+    steps = {env: tables.budget.timesteps("NSES", env) for env in (*MAZES, *CONTROL)}
     timesteps = _column("timesteps", tables)
-    return timesteps / timesteps.index.get_level_values("env").map(spent)
+    return timesteps / timesteps.index.get_level_values("env").map(steps)
 
 
 def _of_curves(measure: Callable[[pd.DataFrame], float], tables: Tables) -> Runs:
@@ -65,6 +68,12 @@ def late_gain(curve: pd.DataFrame) -> float:
     return rewarded["best_return"].iloc[-1] - early.iloc[-1]
 
 
+def late_coverage(curve: pd.DataFrame) -> float:
+    """What the coverage rose by in the second half of the steps."""
+    coverage = curve["coverage"]
+    return coverage.iloc[-1] - coverage.iloc[len(coverage) // 2 - 1]
+
+
 def decline(curve: pd.DataFrame) -> float:
     """How far the best of the last generations, a tenth of all, are below a best return."""
     best = curve["best_return"].iloc[-1]
@@ -78,6 +87,15 @@ def bonus_left(curve: pd.DataFrame) -> float:
     bonus = curve["bonus"]
     first = bonus.head(len(curve) // 20).mean()
     return bonus.tail(len(curve) // 2).mean() / first if first else float("nan")
+
+
+def coverage_lost(tables: Tables) -> Runs:
+    """What a run covers more than that of the same seed whose behavior is the whole last state."""
+    covered = _column("coverage.reachable", tables)
+    whole = {"": "behavior=state", "phi=0.0": "behavior=state,phi=0.0"}
+    own = covered[covered.index.get_level_values("variant").isin(whole)]
+    with_states = [(a, env, whole[variant], seed) for a, env, variant, seed in own.index]
+    return own - covered.reindex(with_states).to_numpy()
 
 
 def _of_squares(measure: Callable[[str, Float64], float], tables: Tables) -> Runs:
@@ -143,6 +161,15 @@ def with_regions(policies: pd.DataFrame) -> pd.DataFrame:
     return policies.assign(region=regions["x"] * N_REGIONS + regions["y"])
 
 
+def share_of_regions(tables: Tables, other: str) -> Runs:
+    """The share of another algorithm's regions, of all its runs, that hold a policy of a run."""
+    policies = with_regions(tables.table("projection"))
+    theirs = set(policies.loc[policies["algorithm"] == other, "region"])
+    if not theirs:
+        return _column("n_rewarding", tables) * np.nan
+    return _of_policies(lambda rows: len(theirs & set(rows["region"])) / len(theirs), tables)
+
+
 def nearest(rows: pd.DataFrame) -> float:
     """Median distance from a policy of a run to the nearest other one, of `N_POLICIES`."""
     if len(rows) < N_POLICIES:
@@ -184,8 +211,10 @@ MEASURES: dict[str, Callable[[Tables], Runs]] = {
     "rewarding policies": partial(_column, "n_rewarding"),
     "first reward": partial(_column, "first_success_timesteps"),
     "share of the budget": budget_share,
-    "share of the paper's steps": paper_share,
+    SPENT: spent_share,
     "late gain": partial(_of_curves, late_gain),
+    "late coverage": partial(_of_curves, late_coverage),
+    "coverage lost": coverage_lost,
     "decline": partial(_of_curves, decline),
     "bonus left": partial(_of_curves, bonus_left),
     "evenness": partial(_of_squares, evenness),
@@ -194,6 +223,7 @@ MEASURES: dict[str, Callable[[Tables], Runs]] = {
     "nearest distance": partial(_of_policies, nearest, of_none=float("nan")),
     f"routes of {N_POLICIES}": partial(_of_policies, routes),
     "regions": partial(_of_policies, regions),
+    **{f"share of {name}'s regions": partial(share_of_regions, other=name) for name in DRAWN},
     "regions of .5 or more": partial(_of_policies, rewarding_regions),
 }
 """Numbers of each run, by their name in the page."""

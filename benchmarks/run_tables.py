@@ -7,6 +7,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from benchmarks.measure import markdown
@@ -71,8 +72,7 @@ def returns(runs: pd.DataFrame) -> str:
 
 
 def _return(group: pd.DataFrame) -> str:
-    found = stratified_bootstrap(group["best_return"].to_numpy(), interquartile_mean)
-    return f"{found.estimate:.0f} ({found.low:.0f} to {found.high:.0f})"
+    return of_runs(group["best_return"].to_numpy(), "{:.0f}".format)
 
 
 def visits_or_returns(runs: pd.DataFrame) -> str:
@@ -89,8 +89,22 @@ def _cell(group: pd.DataFrame) -> str:
     budget = group["timesteps"]
     median = survival(firsts, budget).median
     when = f"> {short(budget.min() / 1e6)} M" if median is None else f"{short(median / 1e6, 1)} M"
-    share = stratified_bootstrap(group["coverage.reachable"].to_numpy(), interquartile_mean)
-    return f"{firsts.notna().sum()} of {len(group)}, {when}, {_percent(share)} %"
+    share = of_runs(group["coverage.reachable"].to_numpy(), lambda x: short(100 * x))
+    return f"{firsts.notna().sum()} of {len(group)}, {when}, {share} %"
+
+
+LEAST_RUNS = 5
+"""Of three normal scores a bootstrap's interval holds the truth in 73 % of cases, of five in 90."""
+
+
+def of_runs(values: npt.NDArray[np.float64], said: Callable[[float], str]) -> str:
+    """The interquartile mean of runs with its 95 % interval; the range of few, in brackets."""
+    mean = stratified_bootstrap(values, interquartile_mean)
+    if len(values) == 1:
+        return said(mean.estimate)
+    if len(values) < LEAST_RUNS:
+        return f"{said(mean.estimate)} [{said(values.min())} to {said(values.max())}]"
+    return f"{said(mean.estimate)} ({said(mean.low)} to {said(mean.high)})"
 
 
 def _percent(share: Interval) -> str:

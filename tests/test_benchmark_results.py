@@ -74,8 +74,17 @@ def test_the_summary_counts_runs_that_found_nothing():
     lines = run_tables.summary(runs).splitlines()
     assert lines[0] == "| Algorithm | US |"
     # Of three runs the second to find it is the median; none is cut off at a quarter's end.
-    assert lines[2] == "| NSES | 2 of 3, 4.0 M, 40 (20 to 70) % |"
-    assert lines[3] == "| NSLC | 0 of 2, > 10 M, 10 % |"
+    assert lines[2] == "| NSES | 2 of 3, 4.0 M, 40 [20 to 70] % |"
+    assert lines[3] == "| NSLC | 0 of 2, > 10 M, 10 [10 to 10] % |"
+
+
+def test_few_runs_have_a_range_and_five_an_interval():
+    values = np.array([0.1, 0.2, 0.3, 0.4, 1.0])
+    assert run_tables.of_runs(values[:1], "{:.1f}".format) == "0.1"
+    assert run_tables.of_runs(values[:4], "{:.1f}".format) == "0.2 [0.1 to 0.4]"
+    interval = statistics.stratified_bootstrap(values, statistics.interquartile_mean)
+    low, high = interval.low, interval.high
+    assert run_tables.of_runs(values, "{:.3f}".format) == f"0.300 ({low:.3f} to {high:.3f})"
 
 
 def test_the_comparison_counts_pairs_of_runs():

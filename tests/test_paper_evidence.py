@@ -9,9 +9,11 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+import typer
 from PIL import Image
+from typer.testing import CliRunner
 
-from benchmarks import judging, paper, paper_tables, reasons, run_numbers
+from benchmarks import claims, judging, paper, paper_tables, prose, reasons, run_numbers
 from benchmarks.claims import CLAIMS
 from benchmarks.plan import BUDGETS, MAZES, Plan, Series, series_of
 from benchmarks.reproduce import TrainedRuns
@@ -223,7 +225,9 @@ def test_of_equal_returns_the_farthest_from_the_first_survive():
 class Numbers:
     """Tables of runs whose coverage and best return are these, by algorithm."""
 
-    def __init__(self, env=US, timesteps=100_000_000, **numbers):
+    budget = BUDGETS["paper"]
+
+    def __init__(self, env=US, timesteps=224_000_000, **numbers):
         self.runs = pd.DataFrame(
             [
                 {
@@ -247,8 +251,8 @@ class Numbers:
         return self.runs
 
 
-MANY = [0.5, 0.6, 0.7, 0.8]
-FEW = [0.1, 0.2, 0.3, 0.4]
+MANY = [0.5, 0.6, 0.7, 0.8, 0.9]
+FEW = [0.1, 0.2, 0.3, 0.4, 0.45]
 R, N, U = judging.REPRODUCED, judging.NOT_REPRODUCED, judging.UNKNOWN
 
 
@@ -258,28 +262,38 @@ R, N, U = judging.REPRODUCED, judging.NOT_REPRODUCED, judging.UNKNOWN
         (MANY, FEW, R),
         (FEW, MANY, N),
         (MANY, MANY, U),
-        (MANY[:3], FEW[:3], R),  # 1 of 20 orders
-        (MANY[:3], [0.1, 0.2, 0.55], U),
-        (MANY[:2], FEW, U),
+        (MANY, [*FEW[:4], 0.75], R),  # 11 of 252 orders
+        (MANY, [*FEW[:3], 0.75, 0.85], U),
+        (MANY[:4], FEW, U),
         (MANY, [], U),
     ],
 )
 def test_who_is_ahead(first, second, word):
     verdict = judging.ahead("coverage", "NSES", "NSLC", US)(Numbers(NSES=first, NSLC=second))
     assert verdict.word == word
-    trained = min(len(first), len(second)) >= 3
-    assert verdict.numbers.startswith("US: coverage " if trained else "US -")
+    assert verdict.numbers.startswith("US: coverage 0." if second else "US -")
+    assert verdict.numbers.endswith(", 4 runs") == (len(first) == 4)
+
+
+def test_who_had_fewer_steps_is_not_compared():
+    half = Numbers(NSES=MANY, NSLC=FEW)
+    half.runs.loc[half.runs["algorithm"] == "NSLC", "timesteps"] //= 2
+    word, numbers = judging.ahead("coverage", "NSES", "NSLC", US)(half)
+    assert (word, numbers) == (U, "US: coverage 0.7 against 0.29, in 50 % of the steps")
+    assert judging.ahead("coverage", "NSES", "AURORA", US)(half).word == U
+    assert judging.at_least("coverage", "NSES", 0.1, US)(half).word == R
+    assert judging.at_least("coverage", "NSLC", 0.1, US)(half).word == U
 
 
 as_good = judging.as_good("coverage", "NSES", "NSLC", 0.05, US)
 nearly = judging.nearly_as_good("coverage", "NSES", "NSLC", US)
-SOME = np.array([0.020, 0.020, 0.021, 0.019])
+SOME = np.array([0.020, 0.020, 0.020, 0.021, 0.019])
 
 
 @pytest.mark.parametrize(
     ("judge", "first", "second", "word"),
     [
-        (as_good, [0.5, 0.5, 0.51, 0.49], [0.5, 0.5, 0.51, 0.49], R),
+        (as_good, [0.5, 0.5, 0.5, 0.51, 0.49], [0.5, 0.5, 0.5, 0.51, 0.49], R),
         (as_good, MANY, FEW, R),
         (as_good, FEW, MANY, N),
         (as_good, [0.0, 0.0, 0.9, 0.9, 0.9], [0.6] * 5, U),
@@ -292,30 +306,35 @@ SOME = np.array([0.020, 0.020, 0.021, 0.019])
         (judging.below("coverage", "NSES", 0.9, US), MANY, [], R),
         (judging.below("coverage", "NSES", 0.65, US), MANY, [], U),
         # The first reward came at .4 of the budget.
-        (judging.below("share of the budget", "NSES", 0.41, US), [0.5, 0.5, 0.5, 0.0], [], R),
-        (judging.below("share of the budget", "NSES", 0.39, US), [0.5, 0.5, 0.5, 0.0], [], N),
+        (judging.below("share of the budget", "NSES", 0.41, US), [0.5] * 5 + [0.0], [], R),
+        (judging.below("share of the budget", "NSES", 0.39, US), [0.5] * 5 + [0.0], [], N),
     ],
 )
 def test_means_are_compared_up_to_a_margin(judge, first, second, word):
     assert judge(Numbers(NSES=first, NSLC=second)).word == word
 
 
+def found(n_found, n=5):
+    return [0.1] * n_found + [0.0] * (n - n_found)
+
+
 def test_a_reward_is_found_by_every_run():
-    tables = Numbers(
-        NSES=[0.1, 0.3, 0.2], NSLC=[0.0, 0.2, 0.1], CMAME=[0.0, 0.0, 0.1], AURORA=[0.0] * 3
-    )
-    found = {"NSES": (R, N, 3), "NSLC": (U, N, 2), "CMAME": (N, U, 1), "AURORA": (N, R, 0)}
-    for name, (word, none, n) in found.items():
-        assert judging.finds(name, US)(tables) == (word, f"US {n} of 3")
-        assert judging.finds_none(name, US)(tables) == (none, f"US {n} of 3")
-
-
-def test_what_is_not_found_in_a_hundredth_of_the_steps_is_not_told():
-    tables = Numbers(timesteps=2_000_000, NSES=[0.1, 0.3, 0.2], AURORA=[0.0] * 3)
-    assert judging.finds("NSES", US)(tables) == (R, "US 3 of 3")
+    numbers = {"NSES": found(5), "NSLC": found(3), "CMAME": found(2), "AURORA": found(0)}
+    words = {"NSES": (R, N), "NSLC": (U, N), "CMAME": (N, U), "AURORA": (N, R)}
+    for name, (word, none) in words.items():
+        n = np.count_nonzero(numbers[name])
+        assert judging.finds(name, US)(Numbers(**numbers)) == (word, f"US {n} of 5")
+        assert judging.finds_none(name, US)(Numbers(**numbers)) == (none, f"US {n} of 5")
     for judge in (judging.finds, judging.finds_none):
-        words = (U, "US 0 of 3 in 0.89 % of the paper's steps")
-        assert judge("AURORA", US)(tables) == words
+        assert judge("NSES", US)(Numbers(NSES=found(4, 4))) == (U, "US 4 of 4")
+
+
+def test_what_is_not_found_in_a_part_of_the_steps_is_not_told():
+    tables = Numbers(timesteps=22_400_000, NSES=found(5), AURORA=found(0))
+    assert judging.finds("NSES", US)(tables) == (R, "US 5 of 5")
+    assert judging.finds_none("NSES", US)(tables) == (N, "US 5 of 5")
+    for judge in (judging.finds, judging.finds_none):
+        assert judge("AURORA", US)(tables) == (U, "US 0 of 5 in 10 % of the steps")
 
 
 def test_of_several_things_each_must_hold():
@@ -323,8 +342,10 @@ def test_of_several_things_each_must_hold():
         return lambda tables: judging.Verdict(word, word)
 
     for i, word in enumerate([R, U, N]):
-        judge = judging.all_of(*map(saying, [R, U, N][: i + 1]))
-        assert judge(None) == (word, "; ".join([R, U, N][: i + 1]))
+        words = [R, U, N][: i + 1]
+        said = "; ".join(f"{each}: {each}" for each in words) if i else R
+        assert judging.all_of(*map(saying, words))(None) == (word, said)
+    assert judging.all_of(saying(U), saying(U))(None) == (U, U)
     assert judging.opposite(saying(N))(None) == (R, N)
 
 
@@ -344,6 +365,29 @@ def test_what_is_of_rewarded_runs_alone():
     nothing = curve.assign(best_return=0.0, generation_return=0.0)
     assert np.isnan(run_numbers.late_gain(nothing))
     assert np.isnan(run_numbers.decline(nothing))
+
+
+def test_what_is_covered_late_and_what_is_lost_with_whole_states():
+    curve = pd.DataFrame({"coverage": [0.1, 0.2, 0.3, 0.4, 0.5, 0.7]})
+    assert run_numbers.late_coverage(curve) == pytest.approx(0.4)
+    own = Numbers(NSES=[0.5, 0.6]), Numbers(NSES=[0.2, 0.7])
+    own[1].runs["variant"] = "behavior=state"
+    own[0].runs = pd.concat([own[0].runs, own[1].runs.iloc[:1]])
+    lost = run_numbers.coverage_lost(own[0])
+    assert lost["NSES", US, "", 0] == pytest.approx(0.3)
+    assert np.isnan(lost["NSES", US, "", 1])
+
+
+def test_regions_of_another_are_those_of_all_its_runs():
+    rows = [("CMAME", 0, 0.0), ("CMAME", 1, 10.0), ("CuriosityES", 0, 0.1), ("CuriosityES", 1, 5.0)]
+    policies = pd.DataFrame(rows, columns=["algorithm", "seed", "x"]).assign(variant="")
+    policies["y"] = policies["x"]
+    runs = policies[["algorithm", "seed", "variant"]].assign(env=US, n_rewarding=1)
+    tables = SimpleNamespace(table={"projection": policies, "runs": runs}.get)
+    shares = run_numbers.share_of_regions(tables, "CMAME")
+    assert shares["CuriosityES", US, "", 0] == 0.5
+    assert shares["CuriosityES", US, "", 1] == 0.0
+    assert run_numbers.share_of_regions(tables, "MAPElites").isna().all()
 
 
 def test_what_is_left_of_a_bonus_is_that_of_the_second_half():
@@ -418,44 +462,46 @@ def test_every_claim_has_a_verdict():
 # -- what the page says ---------------------------------------------------------------------------
 
 DOCS = Path(__file__).parents[1] / "docs"
+CHECK = typer.Typer()
+CHECK.command()(claims.main)
 
 
-def prose(page):
-    """The text of a page in one line, without its tables."""
-    lines = (DOCS / page).read_text().splitlines()
-    return " ".join(" ".join(line for line in lines if not line.startswith("|")).split())
+@pytest.mark.parametrize("page", prose.STATEMENTS)
+def test_pages_say_what_the_data_say(page):
+    assert prose.faults(page) == []
 
 
-def test_the_page_says_who_finds_most_rewarding_policies():
-    runs = paper.Tables("public").table("runs")
-    runs = runs[runs["variant"] == ""].groupby(["algorithm", "env"])["n_rewarding"].mean()
-    said = re.findall(r"([\d,]+) against ([\d,]+) in (Snake|US|Hard)", prose("paper.md"))
-    assert [maze for *_, maze in said] == ["Snake", "US", "Hard"]
-    for (more, fewer, _), env in zip(said, MAZES, strict=True):
-        assert more == f"{runs['NSES', env]:,.0f}"
-        assert fewer == f"{runs['CuriosityES', env]:,.0f}"
-        assert runs["NSES", env] > runs["CuriosityES", env]
-        assert max(runs["CMAME", env], runs["MAPElites", env]) < 50
+@pytest.mark.parametrize(
+    ("page", "said", "false"),
+    [
+        # NS-ES finds more of them in every maze.
+        ("paper.md", "90,302 against 36,684 in Snake", "36,684 against 90,302 in Snake"),
+        ("paper.md", "some dozens or fewer", "7 or fewer than 99"),
+        ("paper_claims.md", "at most\n  5 % of all cases", "at most\n  7 % of all cases"),
+        ("reproduce.md", "700 steps a second", "800 steps a second"),
+    ],
+)
+def test_a_false_number_in_a_page_is_found(page, said, false, tmp_path, monkeypatch, capsys):
+    text = (DOCS / page).read_text()
+    assert text.count(said) == 1
+    for name in prose.STATEMENTS:
+        shutil.copy(DOCS / name, tmp_path)
+    monkeypatch.setattr(prose, "DOCS", tmp_path)
+    (tmp_path / page).write_text(text.replace(said, false))
+    result = CliRunner().invoke(CHECK, ["--check"])
+    assert result.exit_code == 1
+    assert result.output.startswith(f"{page}: ")
 
 
-def test_the_page_says_whose_rewarding_policies_differ_most():
-    tables, shares = paper.Tables("public"), {}
-    policies = run_numbers.with_regions(tables.table("projection"))
-    for (name, _, _), rows in policies.groupby(["algorithm", "variant", "seed"]):
-        if len(rows) >= run_numbers.N_POLICIES:
-            n = run_numbers.expected_kinds(rows["region"])
-            shares.setdefault(name, []).append(round(n))
-    ours = shares["CuriosityES"]
-    said = f"in {max(shares['CMAME'])} regions of [figure 8](#figure-8-rewarding-policies), fifty "
-    assert len(shares["CMAME"]) == 1
-    assert said in prose("paper.md")
-    assert f"of a run of Curiosity-ES in {min(ours)} to {max(ours)}" in prose("paper.md")
+@pytest.mark.parametrize("page", prose.STATEMENTS)
+def test_sentences_that_the_data_contradict_are_gone(page):
+    text = prose.one_line((DOCS / page).read_text())
+    for false in ("by far the most rewarding", "nothing matters more", "need more are not judged"):
+        assert false not in text
 
 
 def test_the_pages_say_what_judges_claims():
-    three = Numbers(NSES=MANY[:3], NSLC=FEW[:3])
-    assert judging.ahead("coverage", "NSES", "NSLC", US)(three).word == R  # whose chance is .05
-    assert f"at most {100 * judging.LEVEL:.0f} % of all cases" in prose("paper_claims.md")
-    assert judging.LEAST_SHARE == 0.01
-    for page in ("paper.md", "paper_claims.md"):
-        assert "less than a hundredth of the paper's steps" in prose(page)
+    claims_page = prose.one_line((DOCS / "paper_claims.md").read_text())
+    assert f"at most {100 * judging.LEVEL:.0f} % of all cases" in claims_page
+    assert judging.LEAST_RUNS == 5
+    assert "A verdict needs five runs of each algorithm" in claims_page

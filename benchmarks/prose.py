@@ -1,0 +1,231 @@
+"""What the pages about the paper say in prose, and the numbers that the committed runs have for it.
+
+Each statement is a sentence of a page, with its numbers made from the data. A number of a page that
+stands in no statement is one that was given: a setting, or the paper's own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.paper import Tables
+from benchmarks.plan import BUDGETS, CONTROL, MAZES
+from benchmarks.run_numbers import N_POLICIES, US, Float64, expected_kinds, measured, with_regions
+from curiosity_algos.experiments.canvas import short_name
+
+DOCS = Path(__file__).parents[1] / "docs"
+SNAKE, _, HARD = MAZES
+BALL, FINGER, STACKER = CONTROL
+STRATEGIES = "CuriosityES", "NSES"
+GIVEN = {
+    "paper.md": "0 1 2 3 4 5 6 7 8 .5 .005 .8 20 28 50 56 400 500 2,000 10,000 1e-4 0.005 2.24e8",
+    "paper_claims.md": "0 2 5 95",
+    "paper_today.md": "0 1 2 3 4 5 6 7 8 95 3e7 1e6",
+}
+"""Numbers that no run has come to, of pages that have no others."""
+NUMBER = re.compile(r"(?<![\w.])\.?\d[\d,.]*(?:e-?\d+)?(?<![,.])")
+NOT_PROSE = re.compile(r"^(\||#|`{3,}|```|:|<|\s+--).*$|`[^`]*`|<!--.*?-->", flags=re.MULTILINE)
+
+
+def faults(page: str) -> list[str]:
+    """What a page says otherwise than the data, and its numbers that stand for nothing."""
+    text = re.sub(r"\]\([^)]*\)", "]", (DOCS / page).read_text())
+    said = one_line(text)
+    missing = [each for each in STATEMENTS[page]() if each not in said]
+    prose = one_line(
+        NOT_PROSE.sub("", re.sub(r"<!-- table .*?<!-- end[^>]*>", "", text, flags=re.S))
+    )
+    for each in STATEMENTS[page]():
+        prose = prose.replace(one_line(NOT_PROSE.sub("", each)), "")
+    unknown = sorted(set(NUMBER.findall(prose)) - set(GIVEN[page].split())) if page in GIVEN else []
+    return [f"not said: {each}" for each in missing] + [f"of no run: {each}" for each in unknown]
+
+
+def one_line(text: str) -> str:
+    """A text without its ends of lines."""
+    return " ".join(text.split())
+
+
+def numbers(tables: Tables, measure: str, algorithm: str, env: str, variant: str = "") -> Float64:
+    """A measure of each run."""
+    values = measured(measure, tables)
+    key = algorithm, env, variant
+    return values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
+
+
+def of_paper() -> list[str]:
+    """Of the page "The paper, figure by figure"."""
+    formula, code = Tables("paper"), Tables("public")
+    cells = {
+        (name, env): numbers(code, "coverage", name, env) for name in STRATEGIES for env in MAZES
+    }
+    lowest, least = np.sort(np.concatenate([*cells.values()]))[:2]
+    assert lowest in cells["CuriosityES", SNAKE]
+    rewarding = [
+        [numbers(code, "rewarding policies", name, env).mean() for name in ("NSES", "CuriosityES")]
+        for env in MAZES
+    ]
+    more = ", ".join(
+        f"{ours:,.0f} against {theirs:,.0f} in {short_name(env)}"
+        for (ours, theirs), env in zip(rewarding, MAZES, strict=True)
+    )
+    regions = _regions_of_equally_many(code)
+    (cma_me,), ours = regions["CMAME"], regions["CuriosityES"]
+    rates = [f"icm_learning_rate={rate},step=canonical" for rate in ("0.00001", "0.001")]
+    few = [
+        int(numbers(formula, "rewarding policies", "CuriosityES", SNAKE, each)[0]) for each in rates
+    ]
+    same_seed = numbers(code, "rewarding policies", "CuriosityES", SNAKE)[0]
+    episodes = (
+        formula.table("runs").set_index(["algorithm", "env"])["n_episodes"]["MAPElites", US].min()
+    )
+    cup = [
+        numbers(formula, "coverage", "CuriosityES", BALL, each).mean() for each in ("phi=0.0", "")
+    ]
+    alone = {
+        name: [numbers(formula, "coverage", name, env, variant).mean() for env in CONTROL]
+        for name, variant in [*((each, "phi=0.0") for each in STRATEGIES), *DESCRIBED]
+    }
+    stacker = sorted(alone["CuriosityES"][2] / alone[name][2] for name, _ in DESCRIBED)
+    finger = measured("coverage", formula)
+    finger = finger[finger.index.get_level_values("env") == FINGER]
+    found = {
+        key: numbers(formula, "first reward", *key) / 1e6
+        for key in [("TD3ICM", BALL), ("TD3ICM", STACKER), ("CuriosityES", STACKER)]
+    }
+    ours_in_stacker = found["CuriosityES", STACKER]
+    without = numbers(formula, "first reward", "CuriosityES", BALL, "phi=0.0") / 1e6
+    return [
+        _budgets(formula),
+        _seeds(formula),
+        f"end in {int(100 * least)} % of the cells or more, except for one run of Curiosity-ES in "
+        "Snake",
+        f"(means of a run: {more})",
+        f"are in {cma_me:.0f} regions of [figure 8], fifty of a run of Curiosity-ES in "
+        f"{min(ours):.0f} to {max(ours):.0f}",
+        f"reaches the goal of Snake in {min(few)} or {max(few)} of {_thousands(episodes)} episodes",
+        f"the same seed reaches it {_thousands(same_seed)} times",
+        f"On BallInCup it covers {cup[0] / cup[1]:.0f} times as much",
+        f"finds that of BallInCup in {_share(found['TD3ICM', BALL])} runs, within "
+        f"{_up(found['TD3ICM', BALL], 2)} M steps, and that of Stacker in "
+        f"{_share(found['TD3ICM', STACKER])}",
+        f"Curiosity-ES finds the reward of Stacker in {_share(ours_in_stacker)} runs, after "
+        f"{np.nanmin(ours_in_stacker):.1f} M steps",
+        f"finds the reward of BallInCup in {_share(without)} runs, after {without.min():.1f} to "
+        f"{without.max():.1f} M steps",
+        f"it covers {alone['CuriosityES'][0] / alone['NSES'][0]:.0f} times as much as NS-ES",
+        f"{stacker[0]:.1f} to {stacker[1]:.1f} times as much as MAP-Elites and CMA-ME",
+        f"a run covers {_up(100 * finger, 0)} % at most",
+        f"a run of MAP-Elites finds a handful in {_thousands(episodes)} episodes",
+    ]
+
+
+DESCRIBED = ("MAPElites", ""), ("CMAME", "")
+"""Algorithms that explore alike whether reward counts or not."""
+
+
+def _budgets(tables: Tables) -> str:
+    """What the runs had."""
+    runs = tables.table("runs").groupby(["algorithm", "env"])["timesteps"].max()
+    cup, stacker = (_power(runs["MAPElites", env], 2) for env in (BALL, STACKER))
+    maze, control, fewest = (_power(runs["TD3ICM", env], 0) for env in (SNAKE, FINGER, STACKER))
+    return (
+        f"BallInCup and Finger have a tenth of the paper's budget ({cup} steps), Stacker a "
+        f"fiftieth ({stacker}). A step of TD3ICM costs as much as hundreds of a population's. Its "
+        f"runs have {maze} steps of a maze, {control} of BallInCup and Finger, and {fewest} of "
+        "Stacker."
+    )
+
+
+def _seeds(tables: Tables) -> str:
+    """Which seeds all have."""
+    seeds = tables.table("runs").groupby(["algorithm", "env", "variant"])["seed"].max()
+    return f"seeds 0 to {seeds.mode().item()}"
+
+
+def _regions_of_equally_many(tables: Tables) -> dict[str, list[float]]:
+    """The regions that `N_POLICIES` rewarding policies of each run are expected to be in."""
+    found: dict[str, list[float]] = {}
+    policies = with_regions(tables.table("projection"))
+    for (name, _, _), rows in policies.groupby(["algorithm", "variant", "seed"]):
+        if len(rows) >= N_POLICIES:
+            found.setdefault(name, []).append(expected_kinds(rows["region"]))
+    return found
+
+
+def of_today() -> list[str]:
+    """Of the page "The paper's figures with today's settings"."""
+    tables = Tables("tuned")
+    firsts = np.concatenate(
+        [numbers(tables, "first reward", name, env) for name in STRATEGIES for env in MAZES]
+    )
+    covered = {
+        name: min(numbers(tables, "coverage", name, env).min() for env in MAZES)
+        for name in STRATEGIES
+    }
+    named = (*STRATEGIES, "MAPElites")
+    cup = np.concatenate([numbers(tables, "first reward", name, BALL) for name in named])
+    rewarding = numbers(tables, "rewarding policies", "CuriosityES", US)
+    regions = numbers(tables, "regions", "CuriosityES", US)
+    episodes = tables.table("runs").set_index(["algorithm", "env"])["n_episodes"]
+    return [
+        f"find the goal in every run, {(firsts <= 5e6).sum()} of {len(firsts)} times within 5 M "
+        "steps",
+        f"in {int(100 * covered['CuriosityES'])} % of the cells or more; NS-ES in "
+        f"{int(100 * covered['NSES'])} % or more",
+        f"BallInCup's within {_up(cup / 1e6, 1)} M steps",
+        f"A run of Curiosity-ES finds {rewarding.min():.0f} to {rewarding.max():,.0f} rewarding "
+        f"policies in some {_thousands(episodes['CuriosityES', US].mean())} episodes, in "
+        f"{regions.min():.0f} to {regions.max():.0f} of the 400 regions",
+    ]
+
+
+def of_claims() -> list[str]:
+    """Of the page "The paper, claim by claim"."""
+    return [f"The runs with the paper's settings have {_seeds(Tables('paper'))}"]
+
+
+def of_reproduce() -> list[str]:
+    """Of the page "The paper's figures"."""
+    runs = Tables("paper").table("runs")
+    td3 = runs[(runs["algorithm"] == "TD3ICM") & runs["env"].isin(MAZES)]
+    speed = (td3["timesteps"] / td3["seconds"]).median()
+    steps = BUDGETS["paper"].timesteps("NSES", US)
+    return [
+        f"TD3ICM trains one policy at some {round(speed, -2):.0f} steps a second",
+        f"{_power(steps, 2)} steps would take {steps / speed / 86_400:.1f} days a run",
+    ]
+
+
+STATEMENTS: dict[str, Callable[[], list[str]]] = {
+    "paper.md": of_paper,
+    "paper_claims.md": of_claims,
+    "paper_today.md": of_today,
+    "reproduce.md": of_reproduce,
+}
+"""By page what it says."""
+
+
+def _share(firsts: Float64) -> str:
+    """How many runs found something."""
+    return f"{np.isfinite(firsts).sum()} of {len(firsts)}"
+
+
+def _up(values: Float64, digits: int) -> str:
+    """The largest, rounded up."""
+    text = f"{np.ceil(np.nanmax(values) * 10**digits) / 10**digits:.{digits}f}"
+    return text.removeprefix("0")
+
+
+def _thousands(value: float) -> str:
+    return f"{round(value, -3):,.0f}"
+
+
+def _power(value: float, digits: int) -> str:
+    """1.12e7; 2e5."""
+    figures, exponent = f"{value:.{digits}e}".split("e")
+    return f"{figures}e{int(exponent)}"

@@ -50,6 +50,12 @@ BONUS = "intrinsic/mean"
 PUBLIC_STEP = "step=canonical"
 SETTINGS = {"paper": ("paper", ""), "public": ("paper", PUBLIC_STEP), "tuned": ("tuned", "")}
 """By name the preset, and the setting whose runs count instead, of algorithms that have it."""
+ABOUT = {
+    "paper": "the paper's table 1, the formula's step",
+    "public": "the paper's table 1, the code's step",
+    "tuned": "today's settings",
+}
+"""By the same names what stands in a title."""
 BUDGET = {"paper": "paper", "public": "paper", "tuned": "short"}
 """By the same names the budget that claims are judged at."""
 FIGURES = {
@@ -195,11 +201,13 @@ class Tables:
         folder: That holds the files.
 
     Attributes:
+        about: What the settings are.
         budget: That claims are judged at.
     """
 
     def __init__(self, settings: str, folder: Path = FOLDER) -> None:
         preset, setting = SETTINGS[settings]
+        self.about = ABOUT[settings]
         self.budget = BUDGETS[BUDGET[settings]]
         tables = {path.stem: read(path) for path in folder.glob("*.csv")}
         tables = {name: table[table["preset"] == preset] for name, table in tables.items()}
@@ -234,6 +242,10 @@ class Tables:
             rows["return"].to_numpy(),
             rows[["share_x", "share_y"]].iloc[0].to_numpy(dtype=float),
         )
+
+    def n_rewarding(self, series: Series, env: str) -> int:
+        """How many rewarding policies all runs have found."""
+        return int(self._of("runs", series, env)["n_rewarding"].sum())
 
     def _of(self, name: str, series: Series, env: str) -> pd.DataFrame:
         table = self._tables[name]

@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from benchmarks.plan import MAZES, Series, series_of
+from benchmarks.plan import CONTROL, MAZES, NAMES, Series, series_of
 from benchmarks.projection import show_projection
 from curiosity_algos.common.arrays import Int64Array
 from curiosity_algos.experiments.canvas import (
@@ -44,6 +44,8 @@ Counts = Int64Array
 """Numbers of episodes that ended in the squares of a maze, by y and x."""
 SIDE = 2.0
 """Side of the squares (maze units)."""
+N_CELLS = 50
+"""Cells along each entry of a behavior."""
 EPISODES = 56
 """Episodes that count as a generation where an algorithm has none: the paper's population."""
 
@@ -72,9 +74,10 @@ CURVES = {
 }
 """Figures of curves: the measure, and the titles of figure and axis."""
 NOTE = (
-    "Thick: interquartile mean of {}; shaded: a bootstrap's interval, of three runs or more; "
-    "thin: each run; dotted: beyond the budget of an algorithm."
+    "Thick: interquartile mean of {}; shaded: a bootstrap's interval, of three runs their range; "
+    "thin: each run; a dot: the end of runs with fewer steps."
 )
+CEILING = "\nGray: a cell for each episode. The axis is logarithmic."
 
 
 def count_final_states(run: Run, env: str) -> Counts:
@@ -106,30 +109,56 @@ def draw(figure: int, evidence: Any) -> Figure:
             series.algorithm: {env: evidence.final_states(series, env) for env in panels}
             for series in panels[MAZES[0]]
         }
-        return show_final_states(states)
+        return show_final_states(states, evidence.about)
     ((env, panel),) = panels.items()
-    return show_projection(evidence.projection(panel, env), short_name(env))
+    n_rewarding = [evidence.n_rewarding(series, env) for series in panel]
+    title = f"{short_name(env)}, {evidence.about}"
+    return show_projection(evidence.projection(panel, env), n_rewarding, title)
 
 
 def _show_curves(
     panels: dict[str, list[Series]], evidence: Any, measure: str, title: str, y_label: str
 ) -> Figure:
     """A panel for each environment, which names the lines that stay at 0 below its axis."""
-    drawing, axes = make_panels(1, len(panels))
+    of_all = {
+        env: [_line(series, evidence.curves(series, env, measure)) for series in panel]
+        for env, panel in panels.items()
+    }
+    empty = [env for env, lines in of_all.items() if not any(map(_has_values, lines))]
+    if len(empty) < len(of_all):
+        of_all = {env: lines for env, lines in of_all.items() if env not in empty}
+    drawing, axes = make_panels(1, len(of_all))
     legend: list[Line] = []
-    for ax, (env, panel) in zip(axes.flat, panels.items(), strict=True):
-        lines = [_line(series, evidence.curves(series, env, measure)) for series in panel]
+    note = ""
+    for ax, (env, lines) in zip(axes.flat, of_all.items(), strict=True):
         drawn = [line for line in lines if _has_values(line)]
-        draw_lines(ax, drawn, x_unit=1e6, y_unit=0.01 if "%" in y_label else 1.0)
+        is_share = "%" in y_label
+        draw_lines(ax, drawn, x_unit=1e6, y_unit=0.01 if is_share else 1.0, goes_on=False)
+        if is_share and env in CONTROL and drawn:
+            _draw_ceiling(ax, env)
+            note = CEILING
         without_reward = [line.label for line in lines if line.curves and not _has_values(line)]
         not_trained = [line.label for line in lines if not line.curves]
         notes = _note("no reward", without_reward) + _note("not trained", not_trained)
         ax.set(title=short_name(env), xlabel="\n".join(["timesteps (millions)", *notes]))
         legend += drawn
     axes.flat[0].set_ylabel(y_label)
-    add_title(drawing, title, legend_handles(legend))
-    add_note(drawing, NOTE.format(count_of_runs([len(line.curves) for line in legend])))
+    add_title(drawing, f"{title}: {evidence.about}", legend_handles(legend))
+    if legend and empty:
+        note += f"\nNo algorithm found a reward in {', '.join(map(short_name, empty))}."
+    add_note(drawing, NOTE.format(count_of_runs([len(line.curves) for line in legend])) + note)
     return drawing
+
+
+def _draw_ceiling(ax: Axes, env: str) -> None:
+    """Make the axis logarithmic, and draw the coverage if each episode ended in another cell."""
+    task: Any = gym.make(env).unwrapped
+    n_cells = N_CELLS ** task.behavior_space.shape[0]
+    millions = np.linspace(0.0, ax.get_xlim()[1], 200)[1:]
+    most = 1e6 * millions / task.horizon / n_cells
+    ax.set_yscale("log")
+    ax.plot(millions, 100.0 * most, color="gray", linewidth=1.0)
+    ax.set_ylim(bottom=50.0 / n_cells, top=200.0 * most[-1])
 
 
 def _has_values(line: Line) -> bool:
@@ -137,11 +166,13 @@ def _has_values(line: Line) -> bool:
 
 
 def _note(words: str, labels: list[str]) -> list[str]:
-    return textwrap.wrap(f"{words}: {', '.join(labels)}", 40) if labels else []
+    if not labels:
+        return []
+    return textwrap.wrap(f"{words}: {', '.join(labels)}", 40, break_on_hyphens=False)
 
 
 def _line(series: Series, curves: list[Points]) -> Line:
-    style: Literal["-", "--"] = "-" if series.label == series.algorithm else "--"
+    style: Literal["-", "--"] = "--" if series.is_of_whole_states else "-"
     return Line(series.label, COLORS[series.algorithm], curves, style)
 
 
@@ -178,16 +209,17 @@ def _draw_beams(ax: Axes, maze: Any) -> None:
     ax.plot(*ends[beams < 1.0].T, ".", color=HIT, markersize=5, zorder=3)
 
 
-def show_final_states(states: Mapping[str, Mapping[str, Counts]]) -> Figure:
+def show_final_states(states: Mapping[str, Mapping[str, Counts]], about: str) -> Figure:
     """Draw final states by algorithm and environment: algorithms are rows, mazes are columns."""
     envs = list(next(iter(states.values())))
     figure, axes = make_panels(len(states), len(envs), width=3.6, height=3.2, layout="compressed")
     for row, (algorithm, by_env) in zip(axes, states.items(), strict=True):
         for ax, env in zip(row, envs, strict=True):
             _draw_maze(ax, env)
-            title = f"{algorithm} on {short_name(env)}, {by_env[env].sum():,} episodes"
+            name = NAMES.get(algorithm, algorithm)
+            title = f"{name} on {short_name(env)}, {by_env[env].sum():,} episodes"
             ax.set_title(title, fontsize=9)
             ax.label_outer()
     draw_counts(list(axes.flat), [by_env[env] for by_env in states.values() for env in envs], SIDE)
-    add_title(figure, "Final states", axes.flat[0].get_lines()[:2])
+    add_title(figure, f"Final states: {about}", axes.flat[0].get_lines()[:2])
     return figure

@@ -17,6 +17,14 @@ CONTROL = (
 )
 BOTTLENECK = ("CuriosityMaze-Snake-v0", "CuriosityMaze-US-v0", "CuriosityControl-Finger-v0")
 COMPARED = ("CuriosityES", "NSES", "MAPElites", "CMAME", "TD3ICM")
+NAMES = {
+    "CuriosityES": "Curiosity-ES",
+    "NSES": "NS-ES",
+    "MAPElites": "MAP-Elites",
+    "CMAME": "CMA-ME",
+    "TD3ICM": "TD3-ICM",
+}
+"""The paper's names of algorithms, where they are others."""
 WITHOUT_REWARD: Mapping[str, Mapping[str, Any]] = {
     "CuriosityES": {"phi": 0.0},
     "NSES": {"phi": 0.0},
@@ -90,8 +98,13 @@ class Series:
     @property
     def label(self) -> str:
         """Text in the legend."""
-        whole_state = self.settings.get("behavior") == "state"
-        return f"{self.algorithm} (whole state)" if whole_state else self.algorithm
+        name = NAMES.get(self.algorithm, self.algorithm)
+        return f"{name} (whole state)" if self.is_of_whole_states else name
+
+    @property
+    def is_of_whole_states(self) -> bool:
+        """Whether its behavior is the whole last state."""
+        return bool(self.settings.get("behavior") == "state")
 
     @property
     def variant(self) -> str:

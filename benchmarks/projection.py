@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from sklearn.decomposition import PCA
 from typer import BadParameter
 
+from benchmarks.plan import NAMES
 from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.evaluator import make_evaluator, replay
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
@@ -29,9 +30,10 @@ N_STATES = 300
 """Last states of an episode, as many as in the paper."""
 MOST_POLICIES = 500
 """Most policies of a run: their states are in memory at once, 43 kB a policy on a maze."""
-TITLE = f"Rewarding policies on {{}}: the last {N_STATES} states of their episodes"
+TITLE = f"The last {N_STATES} states of rewarding policies: {{}}"
 NOTE = (
-    "Principal components of rewarding policies, their number in brackets. "
+    "Principal components of up to 500 rewarding policies of each run; in brackets how many there "
+    "are of all runs. "
     f"An episode shorter than {N_STATES} states counts as if it had waited at its start."
 )
 
@@ -113,12 +115,17 @@ def project_rewarding(rewarding: Mapping[str, Sequence[Rewarding]]) -> Projectio
     )
 
 
-def show_projection(projection: Projection, env: str) -> Figure:
-    """Draw projected policies, on the left by algorithm, on the right by return."""
+def show_projection(projection: Projection, n_rewarding: Sequence[int], about: str) -> Figure:
+    """Draw projected policies, on the left by algorithm, on the right by return.
+
+    Args:
+        projection: Some of the rewarding policies.
+        n_rewarding: How many there are, of each algorithm.
+        about: Of which runs.
+    """
     algorithms, owners, scores, returns, shares = projection
     order = np.random.default_rng(0).permutation(len(scores))  # none is hidden by what came later
     colors = color_labels(algorithms)
-    numbers = np.bincount(owners, minlength=len(algorithms))
 
     figure, ((left, right),) = make_panels(1, 2, width=5.0, height=4.0)
     _scatter(left, scores[order], shares, c=np.array(list(colors.values()))[owners[order]])
@@ -127,10 +134,11 @@ def show_projection(projection: Projection, env: str) -> Figure:
     right.set_title("by return")
     figure.colorbar(dots, ax=right, label="return")
     samples = []
-    for (name, color), n in zip(colors.items(), numbers, strict=True):
+    for (algorithm, color), n in zip(colors.items(), n_rewarding, strict=True):
+        name = NAMES.get(algorithm, algorithm)
         label = f"{name} ({n:,})" if n else f"{name} (no reward)"
         samples.append(Line2D([], [], linestyle="", marker="o", color=color, label=label))
-    add_title(figure, TITLE.format(env), samples)
+    add_title(figure, TITLE.format(about), samples)
     add_note(figure, NOTE)
     return figure
 

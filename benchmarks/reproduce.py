@@ -35,10 +35,14 @@ class TrainedRuns:
 
     Args:
         plan: Plan of the trained runs.
+
+    Attributes:
+        about: What their settings are.
     """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
+        self.about = f"preset {plan.preset}"
 
     def curves(self, series: Series, env: str, measure: str) -> list[Points]:
         """The curves of all runs, of one of `MEASURES`; empty if none was trained."""
@@ -52,8 +56,15 @@ class TrainedRuns:
     def projection(self, panel: Sequence[Series], env: str) -> Projection:
         """Rewarding policies of all runs."""
         return project_rewarding(
-            {series.label: list(map(replay_rewarding, self._runs(series, env))) for series in panel}
+            {
+                series.algorithm: list(map(replay_rewarding, self._runs(series, env)))
+                for series in panel
+            }
         )
+
+    def n_rewarding(self, series: Series, env: str) -> int:
+        """How many rewarding policies all runs have found."""
+        return sum(run.result["n_rewarding"] for run in self._runs(series, env))
 
     def _runs(self, series: Series, env: str) -> list[Run]:
         specs = [self.plan.run(series, env, seed) for seed in self.plan.seeds]

@@ -17,7 +17,17 @@ from PIL import Image
 
 from benchmarks import paper_figures, projection
 from benchmarks.paper_figures import EPISODES, generation_return, show_final_states, show_mazes
-from benchmarks.plan import BUDGETS, COMPARED, CONTROL, MAZES, SMOKE_GOALS, Plan, Series, series_of
+from benchmarks.plan import (
+    BUDGETS,
+    COMPARED,
+    CONTROL,
+    MAZES,
+    NAMES,
+    SMOKE_GOALS,
+    Plan,
+    Series,
+    series_of,
+)
 from benchmarks.projection import (
     N_STATES,
     Projection,
@@ -150,9 +160,9 @@ def test_coverage_of_control_tasks_is_without_reward():
 def test_the_bottleneck_compares_behaviors():
     panels = series_of(7)
     assert [env.split("-")[1] for env in panels] == ["Snake", "US", "Finger"]
-    labels = ["CuriosityES", "NSES", "NSLC", "NSES (whole state)", "NSLC (whole state)"]
+    labels = ["Curiosity-ES", "NS-ES", "NSLC", "NS-ES (whole state)", "NSLC (whole state)"]
     for panel in panels.values():
-        assert [series.label for series in panel] == [*labels, "AURORA", "MAPElites"]
+        assert [series.label for series in panel] == [*labels, "AURORA", "MAP-Elites"]
     assert "runs/behavior=state,phi=0.0/NSES/CuriosityControl-Finger-v0/3" in folders(7)
     assert "runs/behavior=state/NSES/CuriosityMaze-US-v0/3" in folders(7)
 
@@ -220,10 +230,11 @@ def test_lines_are_those_of_the_runs(finished, has_ink):
     figure = paper_figures.draw(2, TrainedRuns(finished))
     assert len(figure.axes) == len(MAZES)
     for ax in figure.axes:
-        assert ax.get_xlabel() == "timesteps (millions)\nno reward: CMAME"
+        assert ax.get_xlabel() == "timesteps (millions)\nno reward: CMA-ME"
         assert has_ink(figure, ax)
     shown = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert shown == [name for name in COMPARED if name != "CMAME"]
+    assert shown == ["Curiosity-ES", "NS-ES", "MAP-Elites", "TD3-ICM"]
+    assert figure.legends[0].get_title().get_text() == "Highest return so far: preset paper"
     assert "interquartile mean of 2 runs" in figure._supxlabel.get_text()
     ax = figure.axes[1]  # US; its runs are numbered from 10 on, two of each algorithm
     ends = [line.get_ydata()[-1] for line in lines_of(ax, 2.0)]
@@ -239,9 +250,11 @@ def test_a_panel_without_reward_says_so(finished, has_ink):
     for run in finished.runs(5):
         write(run.folder(finished.folder), [0.0], int(run.timesteps))
     figure = paper_figures.draw(5, TrainedRuns(finished))
+    names = [NAMES[name] for name in COMPARED]
+    assert len(figure.axes) == len(CONTROL)  # none has any
     for ax in figure.axes:
         assert has_ink(figure, ax)
-        assert " ".join(ax.get_xlabel().split()).endswith(f"no reward: {', '.join(COMPARED)}")
+        assert " ".join(ax.get_xlabel().split()).endswith(f"no reward: {', '.join(names)}")
 
 
 @pytest.mark.parametrize("has_generations", [True, False])
@@ -268,14 +281,52 @@ def test_a_run_that_is_missing_is_named(finished):
         paper_figures.draw(3, TrainedRuns(finished))
 
 
+def test_coverage_of_control_tasks_has_a_ceiling():
+    class Evidence:
+        about = "all"
+
+        def curves(self, series, env, measure):
+            n = 0 if series.algorithm == "TD3ICM" else 3
+            return [(np.array([0.0, 1e6]), np.array([0.0, 1e-3]))] * n
+
+    figure = paper_figures.draw(6, Evidence())
+    n_cells = dict(zip(CONTROL, (50**4, 50**3, 50**2), strict=True))
+    for ax, env in zip(figure.axes, CONTROL, strict=True):
+        assert ax.get_yscale() == "log"
+        (ceiling,) = [line for line in ax.get_lines() if line.get_color() == "gray"]
+        x, y = ceiling.get_data()
+        assert x[-1] == 1.0  # of a thousand episodes, each in a cell of its own
+        assert y[-1] == pytest.approx(100.0 * 1000 / n_cells[env])
+        assert ax.get_ylim()[1] > y[-1]
+    assert "logarithmic" in figure._supxlabel.get_text()
+
+
+def test_a_panel_that_nobody_has_is_left_out():
+    class Evidence:
+        about = "all"
+
+        def curves(self, series, env, measure):
+            height = 0.0 if env == CONTROL[1] else 0.5
+            end = 1e5 if series.algorithm == "TD3ICM" else 1e6
+            return [(np.array([0.0, end]), np.array([0.0, height]))] * 5
+
+    figure = paper_figures.draw(5, Evidence())
+    assert [ax.get_title() for ax in figure.axes] == ["BallInCup", "Stacker"]
+    assert figure._supxlabel.get_text().endswith("No algorithm found a reward in Finger.")
+    dots = [line for line in figure.axes[0].get_lines() if line.get_marker() == "."]
+    assert [line.get_xdata() for line in dots] == [[0.1]]  # no line goes on beyond its runs
+
+
 def test_what_was_not_trained_is_named():
     class Untrained:
+        about = "nothing"
+
         def curves(self, series, env, measure):
             curve = (np.array([0.0, 10.0]), np.array([0.0, 0.5]))
             return [] if series.algorithm == "TD3ICM" else [curve] * 3
 
     for ax in paper_figures.draw(2, Untrained()).axes:
-        assert ax.get_xlabel() == "timesteps (millions)\nnot trained: TD3ICM"
+        assert ax.get_xlabel() == "timesteps (millions)\nnot trained: TD3-ICM"
 
 
 # -- mazes ----------------------------------------------------------------------------------------
@@ -319,14 +370,15 @@ def test_every_final_state_is_in_its_square():
         name: {env: rng.poisson(rate, (100, 100)) for env, rate in zip(ENVS, rates, strict=True)}
         for name, rates in {"NSES": (0.1, 5.0), "CMAME": (1.0, 0.0)}.items()
     }
-    figure = show_final_states(states)
+    figure = show_final_states(states, "all")
     *panels, bar = figure.axes
     assert "positions in a square of 2 x 2" in bar.get_ylabel()
     titles = [(name, env) for name in states for env in ENVS]
     norms = set()
     for ax, (name, env) in zip(panels, titles, strict=True):
         counts = states[name][env]
-        assert ax.get_title() == f"{name} on {env.split('-')[1]}, {counts.sum():,} episodes"
+        shown = f"{NAMES[name]} on {env.split('-')[1]}, {counts.sum():,} episodes"
+        assert ax.get_title() == shown
         (squares,) = [each for each in ax.collections if isinstance(each, QuadMesh)]
         shown = squares.get_array()
         np.testing.assert_array_equal(shown.filled(0), counts)
@@ -402,7 +454,7 @@ def test_both_panels_show_every_policy(has_ink):
         returns=rng.random(38),
         shares=np.array([0.5, 0.2]),
     )
-    figure = show_projection(shown, "US")
+    figure = show_projection(shown, [3000, 0, 8], "US")
     left, right, bar = figure.axes
     assert bar.get_ylabel() == "return"
     assert left.get_xlabel() == "component 1 (50% of the variance)"
@@ -414,7 +466,7 @@ def test_both_panels_show_every_policy(has_ink):
     drawn = zip(dots[0].get_offsets().tolist(), dots[1].get_array(), faces, strict=True)
     assert sorted(drawn) == sorted(expected)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["CuriosityES (30)", "CMAME (no reward)", "MAPElites (8)"]
+    assert labels == ["Curiosity-ES (3,000)", "CMA-ME (no reward)", "MAP-Elites (8)"]
     assert has_ink(figure, left, right)
 
 

@@ -109,18 +109,24 @@ class Line:
 
 
 def draw_lines(
-    ax: Axes, lines: Sequence[Line], *, x_unit: float = 1.0, y_unit: float = 1.0
+    ax: Axes,
+    lines: Sequence[Line],
+    *,
+    x_unit: float = 1.0,
+    y_unit: float = 1.0,
+    goes_on: bool = True,
 ) -> None:
     """Draw every run, and of every line the interquartile mean and its 95 % interval.
 
     The mean begins where all of its runs have begun, and ends with the shortest. If it ends before
-    the longest run of all, a dotted line continues its last value.
+    the longest run of all, a dotted line continues its last value, or a dot ends it.
 
     Args:
         ax: Axes.
         lines: Lines with at least one run; if there are none, the axes say so.
         x_unit: Timesteps or seconds of 1 on the axis.
         y_unit: Value of 1 on the axis.
+        goes_on: Whether lines that end early are continued.
     """
     if not lines:
         draw_nothing(ax)
@@ -128,7 +134,7 @@ def draw_lines(
     scaled = [[(x / x_unit, y / y_unit) for x, y in line.curves] for line in lines]
     longest = max(float(x[-1]) for runs in scaled for x, _ in runs)
     for line, runs in zip(lines, scaled, strict=True):
-        _draw_line(ax, line, runs, longest)
+        _draw_line(ax, line, runs, longest, goes_on=goes_on)
     ax.set_xlim(0.0, longest)
     if all((values >= 0.0).all() for runs in scaled for _, values in runs):
         ax.set_ylim(bottom=0.0)
@@ -136,14 +142,24 @@ def draw_lines(
     polish(ax)
 
 
-def _draw_line(ax: Axes, line: Line, runs: Sequence[Points], longest: float) -> None:
+def _draw_line(
+    ax: Axes, line: Line, runs: Sequence[Points], longest: float, *, goes_on: bool
+) -> None:
     for x, y in runs:
         ax.step(x, y, where="post", color=line.color, linewidth=0.6, alpha=0.45)
     mean = curve_interval(runs)
     ax.fill_between(mean.x, mean.low, mean.high, color=line.color, alpha=0.18, linewidth=0)
     ax.plot(mean.x, mean.estimate, color=line.color, linewidth=2.0, linestyle=line.style)
-    if len(mean.x) and mean.x[-1] < longest:
+    if not len(mean.x) or mean.x[-1] == longest:
+        return
+    if goes_on:
         ax.hlines(mean.estimate[-1], mean.x[-1], longest, color=line.color, linestyle=":")
+    elif mean.x[-1] < SHORT * longest:
+        ax.plot(mean.x[-1], mean.estimate[-1], ".", color=line.color, markersize=9, zorder=4)
+
+
+SHORT = 0.9
+"""Share of the axis: what ends before it did not end with the rest."""
 
 
 def draw_nothing(ax: Axes) -> None:

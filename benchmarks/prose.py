@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.paper import Tables
 from benchmarks.plan import BUDGETS, CONTROL, MAZES
+from benchmarks.results import read_rows
 from benchmarks.run_numbers import N_POLICIES, US, Float64, expected_kinds, measured, with_regions
 from curiosity_algos.experiments.canvas import short_name
 
@@ -60,11 +61,6 @@ def numbers(tables: Tables, measure: str, algorithm: str, env: str, variant: str
 def of_paper() -> list[str]:
     """Of the page "The paper, figure by figure"."""
     formula, code = Tables("paper"), Tables("public")
-    cells = {
-        (name, env): numbers(code, "coverage", name, env) for name in STRATEGIES for env in MAZES
-    }
-    lowest, least = np.sort(np.concatenate([*cells.values()]))[:2]
-    assert lowest in cells["CuriosityES", SNAKE]
     rewarding = [
         [numbers(code, "rewarding policies", name, env).mean() for name in ("NSES", "CuriosityES")]
         for env in MAZES
@@ -100,10 +96,11 @@ def of_paper() -> list[str]:
     ours_in_stacker = found["CuriosityES", STACKER]
     without = numbers(formula, "first reward", "CuriosityES", BALL, "phi=0.0") / 1e6
     return [
+        *_in_five_sentences(formula, code),
         _budgets(formula),
         _seeds(formula),
-        f"end in {int(100 * least)} % of the cells or more, except for one run of Curiosity-ES in "
-        "Snake",
+        f"end in {_least_covered(code)} % of the cells or more, except for one run of Curiosity-ES "
+        "in Snake",
         f"(means of a run: {more})",
         f"are in {cma_me:.0f} regions of [figure 8], fifty of a run of Curiosity-ES in "
         f"{min(ours):.0f} to {max(ours):.0f}",
@@ -122,6 +119,50 @@ def of_paper() -> list[str]:
         f"a run covers {_up(100 * finger, 0)} % at most",
         f"a run of MAP-Elites finds a handful in {_thousands(episodes)} episodes",
     ]
+
+
+def _in_five_sentences(formula: Tables, code: Tables) -> list[str]:
+    """The first section of the page."""
+
+    def found(tables: Tables, name: str) -> str:
+        return _share(_in_mazes(tables, "first reward", name))
+
+    ours = np.concatenate([_in_mazes(code, "rewarding policies", name) for name in STRATEGIES])
+    fewest = ours[ours > 0].min()
+    theirs = [_in_mazes(formula, "rewarding policies", name) for name, _ in DESCRIBED]
+    searches = read_rows("dynamics")
+    slowest = searches["first_success_timesteps"].max() / BUDGETS["paper"].timesteps("NSES", US)
+    return [
+        f"NS-ES finds the goal in {found(code, 'NSES')} runs and Curiosity-ES in "
+        f"{found(code, 'CuriosityES')}, with {fewest:,.0f} rewarding policies or more",
+        f"NS-ES finds it in {found(formula, 'NSES')} runs and Curiosity-ES in "
+        f"{found(formula, 'CuriosityES')}, behind CMA-ME with {found(formula, 'CMAME')} and "
+        f"MAP-Elites with {found(formula, 'MAPElites')}, which have {np.max(theirs):.0f} rewarding "
+        "policies in a run at most",
+        f"all {len(searches)} searches find the goal within {np.ceil(1e3 * slowest) / 10:.1f} % of "
+        "the budget",
+        f"NSLC finds the goal in {found(code, 'NSLC')} runs and AURORA in {found(code, 'AURORA')}",
+    ]
+
+
+def _in_mazes(tables: Tables, measure: str, algorithm: str) -> Float64:
+    """A measure of each run in all mazes."""
+    return np.concatenate([numbers(tables, measure, algorithm, env) for env in MAZES])
+
+
+def of_readme() -> list[str]:
+    """Of README, about the paper."""
+    return [
+        f"end in {_least_covered(Tables('public'))} % of their cells or more, except for one run"
+    ]
+
+
+def _least_covered(tables: Tables) -> int:
+    """Percent of the cells that all runs of strategies cover but one, of curiosity in Snake."""
+    cells = np.concatenate([_in_mazes(tables, "coverage", name) for name in STRATEGIES])
+    lowest, least = np.sort(cells)[:2]
+    assert lowest in numbers(tables, "coverage", "CuriosityES", SNAKE)
+    return int(100 * least)
 
 
 DESCRIBED = ("MAPElites", ""), ("CMAME", "")
@@ -206,6 +247,7 @@ STATEMENTS: dict[str, Callable[[], list[str]]] = {
     "paper_claims.md": of_claims,
     "paper_today.md": of_today,
     "reproduce.md": of_reproduce,
+    "../README.md": of_readme,
 }
 """By page what it says."""
 

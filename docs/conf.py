@@ -6,7 +6,7 @@ from pathlib import Path
 
 from curiosity_gym import __version__
 
-sys.path.insert(0, str(Path(__file__).parent))  # mathml, notebooks
+sys.path.insert(0, str(Path(__file__).parent))  # mathml, notebooks, play
 
 project = "curiosity-search"
 author = "The curiosity authors"
@@ -17,6 +17,7 @@ extensions = [
     "mathml",
     "myst_nb",
     "notebooks",
+    "play",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",

@@ -1,0 +1,223 @@
+// The page: one episode that plays, and what a hundred others from starts nearby come to.
+"use strict";
+
+const { mazes, policies, constants, horizon, sizes } = DATA;
+for (const known of Object.values(policies)) {
+  for (const name of Object.keys(known)) known[name] = Float32Array.from(known[name]);
+}
+const YOU = "You: arrow keys, or hold", N_STARTS = 100, NEARBY = 1, THINNEST = 2;
+const STEERED = 10;  // units from the robot where the pointer steers as hard as may be
+const element = Object.fromEntries(
+  ["world", "said", "maze", "policy", "speed", "again", "pause", "hundred", "draw", "clear"]
+    .map((id) => [id, document.getElementById(id)]));
+const canvas = element.world, context = canvas.getContext("2d");
+const steering = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const pressed = new Set();
+let maze, start, episode, others, drawn, dragged = null, held = null, paused = false;
+
+function option(select, values) {
+  select.replaceChildren(...values.map((value) => new Option(value, value)));
+}
+
+// Numbers in [0, 1[, the same each time (mulberry32).
+function generator(seed) {
+  return () => {
+    seed = (seed + 0x6d2b79f5) | 0;
+    let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
+    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+  };
+}
+
+function build() {
+  const layout = mazes[element.maze.value];
+  const range = 0.2 * Math.hypot(layout.width, layout.height);
+  const walls = [...layout.walls, ...drawn];
+  maze = new Maze({ ...layout, walls }, { ...constants, lidar_range: range });
+}
+
+function choose() {
+  drawn = [];
+  build();
+  start = [...maze.start];
+  const known = Object.keys(policies[element.maze.value] ?? {});
+  option(element.policy, [...known, YOU]);
+  begin();
+}
+
+function newEpisode(place) {
+  const state = [...place, 0, 0];
+  return { state, seen: maze.observe(state), trail: [[...place]], t: 0, arrived: false };
+}
+
+function begin() {
+  episode = newEpisode(start);
+  others = null;
+  if (paused) toggle();
+  say();
+}
+
+function actionOf(seen) {
+  const known = policies[element.maze.value]?.[element.policy.value];
+  if (known) return act(sizes, known, seen);
+  if (held) return [0, 1].map((i) => (held[i] - episode.state[i]) / STEERED);
+  return [...pressed].reduce(([x, y], key) => [x + steering[key][0], y + steering[key][1]], [0, 0]);
+}
+
+function play(one) {
+  maze.step(one.state, actionOf(one.seen));
+  one.seen = maze.observe(one.state);
+  one.t++;
+  if (one.t % 4 === 0) one.trail.push(one.state.slice(0, 2));
+  one.arrived = maze.isAtGoal(one.state);
+  one.ended = one.arrived || one.t >= horizon;
+  if (one.ended) one.trail.push(one.state.slice(0, 2));
+}
+
+function say() {
+  const { t, arrived, ended } = episode;
+  let text = `Step ${t} of ${horizon}.`;
+  if (arrived) text = `Arrived after ${t} steps: a return of ${(1 - t / horizon).toFixed(3)}.`;
+  else if (ended) text = `Not arrived in ${horizon} steps: a return of 0.`;
+  if (others) {
+    const done = others.episodes.filter((each) => each.ended);
+    const n = done.filter((each) => each.arrived).length;
+    text += ` Of ${done.length} starts nearby ${n} arrived.`;
+  }
+  if (element.said.textContent !== text) element.said.textContent = text;
+}
+
+// Starts within a unit, where a robot may stand.
+function hundred() {
+  const random = generator(0), places = [];
+  while (places.length < N_STARTS) {
+    const x = start[0] + NEARBY * (2 * random() - 1), y = start[1] + NEARBY * (2 * random() - 1);
+    if (Math.hypot(x - start[0], y - start[1]) <= NEARBY && maze.isFree(x, y)) places.push([x, y]);
+  }
+  others = { episodes: places.map(newEpisode), next: 0 };
+}
+
+function frame() {
+  if (!paused) for (let i = 0; i < element.speed.valueAsNumber && !episode.ended; i++) play(episode);
+  for (const begun = performance.now(); others && performance.now() - begun < 12;) {
+    const one = others.episodes[others.next];
+    if (!one) break;
+    while (!one.ended) play(one);
+    others.next++;
+  }
+  say();
+  show();
+  requestAnimationFrame(frame);
+}
+
+function show() {
+  const side = canvas.clientWidth, ratio = window.devicePixelRatio || 1;
+  if (canvas.width !== Math.round(side * ratio)) canvas.width = canvas.height = Math.round(side * ratio);
+  const scale = canvas.width / maze.width, style = getComputedStyle(document.body);
+  const color = (name) => style.getPropertyValue(name);
+  context.setTransform(scale, 0, 0, -scale, 0, canvas.height);  // y up, as in the maze
+  context.clearRect(0, 0, maze.width, maze.height);
+  context.fillStyle = color("--wall");
+  for (const [x, y, w, h] of maze.walls) context.fillRect(x, y, w, h);
+  if (dragged?.wall) context.fillRect(...dragged.wall);
+  disc(maze.goal, 3 * maze.goal_radius, "#16a34a55");
+  disc(maze.goal, maze.goal_radius, "#16a34a");
+  for (const one of others?.episodes ?? []) {
+    if (one.ended) line(one.trail, one.arrived ? "#16a34a" : "#dc2626", 0.4);
+  }
+  line([...episode.trail, episode.state], color("--accent"), 0.9);
+  const [x, y] = episode.state;
+  context.strokeStyle = "#f59e0b99";
+  context.lineWidth = 0.3;
+  context.beginPath();
+  episode.seen.subarray(4).forEach((share, i) => {
+    const angle = (2 * Math.PI * i) / maze.n_beams, reach = share * maze.lidar_range;
+    context.moveTo(x, y);
+    context.lineTo(x + reach * Math.cos(angle), y + reach * Math.sin(angle));
+  });
+  context.stroke();
+  disc(start, 1, color("--quiet"));
+  disc([x, y], 2, color("--accent"));
+}
+
+function disc([x, y], radius, fill) {
+  context.fillStyle = fill;
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.fill();
+}
+
+function line(points, stroke, width) {
+  context.strokeStyle = stroke;
+  context.lineWidth = width;
+  context.beginPath();
+  for (const [x, y] of points) context.lineTo(x, y);
+  context.stroke();
+}
+
+function toggle() {
+  paused = !paused;
+  element.pause.setAttribute("aria-pressed", paused);
+}
+
+function place(event) {
+  const box = canvas.getBoundingClientRect();
+  const within = (share) => Math.min(Math.max(share, 0), 1);
+  return [within((event.clientX - box.left) / box.width) * maze.width,
+    (1 - within((event.clientY - box.top) / box.height)) * maze.height];
+}
+
+function isDrawing() {
+  return element.draw.getAttribute("aria-pressed") === "true";
+}
+
+canvas.addEventListener("pointerdown", (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  dragged = { from: place(event) };
+  if (!isDrawing()) moveStart(event);
+});
+canvas.addEventListener("pointermove", (event) => {
+  if (!dragged) return;
+  if (!isDrawing()) return moveStart(event);
+  const [x, y] = place(event), [left, bottom] = [Math.min(x, dragged.from[0]), Math.min(y, dragged.from[1])];
+  dragged.wall = [left, bottom, Math.max(Math.abs(x - dragged.from[0]), THINNEST),
+    Math.max(Math.abs(y - dragged.from[1]), THINNEST)];
+});
+for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => {
+  if (dragged?.wall) {
+    drawn.push(dragged.wall);
+    build();
+    if (maze.isFree(...start)) begin();
+    else { drawn.pop(); build(); element.said.textContent = "A wall must leave the start free."; }
+  }
+  dragged = held = null;
+});
+
+function moveStart(event) {
+  const [x, y] = place(event);
+  if (element.policy.value === YOU) held = [x, y];
+  else if (maze.isFree(x, y)) { start = [x, y]; begin(); }
+}
+
+document.addEventListener("keydown", (event) => {
+  if (event.target.tagName === "SELECT" || event.target.tagName === "INPUT") return;
+  if (event.key in steering) {
+    pressed.add(event.key);
+    if (element.policy.value !== YOU) { element.policy.value = YOU; begin(); }
+  } else if (event.key === " " && event.target.tagName !== "BUTTON") toggle();
+  else if (event.key === "r") begin();
+  else return;
+  event.preventDefault();
+});
+document.addEventListener("keyup", (event) => pressed.delete(event.key));
+element.maze.addEventListener("change", choose);
+element.policy.addEventListener("change", begin);
+element.again.addEventListener("click", begin);
+element.pause.addEventListener("click", toggle);
+element.hundred.addEventListener("click", hundred);
+element.clear.addEventListener("click", choose);
+element.draw.addEventListener("click", () => element.draw.setAttribute("aria-pressed", !isDrawing()));
+
+option(element.maze, Object.keys(mazes));
+choose();
+frame();

@@ -34,8 +34,10 @@ DYNAMICS: dict[str, dict[str, Any]] = {
     "the code's": CODE,
 }
 """Keywords of the mazes."""
-STRONG = "the code's, actions of Curiosity-ES"
-"""There actions are `100 tanh(z / 100)` of a network's output z, those of others `5 tanh(z)`."""
+STRONG = "the code's, of Curiosity-ES"
+"""Its actions are `100 tanh(z / 100)` of a network's output z, those of others `5 tanh(z)`."""
+STRONG_SIGMA = {MAZES[2]: 0.1}
+"""Its deviation of the weights by maze; .05 in others."""
 N_POLICIES, SIGMA = 2000, 0.5
 """Random policies, and the deviation of their weights: the paper's `sigma`."""
 LARGEST, N_LAST = 100.0, 16 * 2 + 2
@@ -72,7 +74,8 @@ def play(dynamics: str, env: str, n: int) -> dict[str, Any]:
     settings = {**CODE, "max_acceleration": LARGEST} if is_strong else DYNAMICS[dynamics]
     evaluator = make_evaluator(gym.make(env, **settings), n_threads=1)
     shape = n, evaluator.n_parameters
-    drawn = np.random.default_rng(0).normal(0.0, SIGMA, shape).astype(np.float32)
+    sigma = STRONG_SIGMA.get(env, 0.05) if is_strong else SIGMA
+    drawn = np.random.default_rng(0).normal(0.0, sigma, shape).astype(np.float32)
     played = evaluator.evaluate(strong(drawn) if is_strong else drawn)
     return {"dynamics": dynamics, "env": env, "policies": n, "found": int(played.success.sum())}
 

@@ -107,8 +107,8 @@ def _of_squares(measure: Callable[[str, Float64], float], tables: Tables) -> Run
 
 
 def evenness(env: str, counts: Float64) -> float:
-    """Entropy of the final states over that of equally many in each square that has one."""
-    return entropy(counts.ravel()) / np.log(np.count_nonzero(counts))
+    """Entropy of the final states over that of equally many in each square one can be in."""
+    return entropy(counts.ravel()) / np.log(_is_reachable(env).sum())
 
 
 def share_near_goal(env: str, counts: Float64) -> float:
@@ -209,6 +209,7 @@ MEASURES: dict[str, Callable[[Tables], Runs]] = {
     "best return": partial(_column, "best_return"),
     "coverage": partial(_column, "coverage.reachable"),
     "rewarding policies": partial(_column, "n_rewarding"),
+    "seconds": partial(_column, "seconds"),
     "first reward": partial(_column, "first_success_timesteps"),
     "share of the budget": budget_share,
     SPENT: spent_share,

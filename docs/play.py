@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -66,16 +67,22 @@ def weights(algorithm: str, env_id: str) -> list[float]:
     return [float(np.format_float_scientific(each, unique=True)) for each in vector]
 
 
-def write(folder: Path) -> None:
-    """Write the page and its data into a folder."""
+def write(folder: Path, *, is_alone: bool = True) -> None:
+    """Write the page and its data into a folder; alone, it links to no other page."""
     shutil.copytree(SOURCE, folder, dirs_exist_ok=True)
+    if is_alone:
+        page = folder / "index.html"
+        page.write_text(re.sub(r'<a href="\.\./.*?</a>', "", page.read_text(), flags=re.DOTALL))
     text = json.dumps(data(), separators=(",", ":"))
     (folder / "data.js").write_text(f"const DATA = {text};\n")
 
 
 def setup(app: Any) -> dict[str, Any]:
     """As an extension of Sphinx: write it where the other pages are."""
-    app.connect("build-finished", lambda app, error: error or write(Path(app.outdir) / "play"))
+    app.connect(
+        "build-finished",
+        lambda app, error: error or write(Path(app.outdir) / "play", is_alone=False),
+    )
     return {"parallel_read_safe": True}
 
 

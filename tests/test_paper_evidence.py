@@ -1,6 +1,5 @@
 """The paper's figures and claims come from committed data, and that from runs."""
 
-import re
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -262,7 +261,8 @@ R, N, U = judging.REPRODUCED, judging.NOT_REPRODUCED, judging.UNKNOWN
         (MANY, FEW, R),
         (FEW, MANY, N),
         (MANY, MANY, U),
-        (MANY, [*FEW[:4], 0.75], R),  # 11 of 252 orders
+        (MANY, [*FEW[:4], 0.65], R),  # 8 of 252 orders, and as many the other way
+        (MANY, [*FEW[:4], 0.85], U),
         (MANY, [*FEW[:3], 0.75, 0.85], U),
         (MANY[:4], FEW, U),
         (MANY, [], U),
@@ -273,6 +273,14 @@ def test_who_is_ahead(first, second, word):
     assert verdict.word == word
     assert verdict.numbers.startswith("US: coverage 0." if second else "US -")
     assert verdict.numbers.endswith(", 4 runs") == (len(first) == 4)
+
+
+def test_none_is_as_good_as_another_without_a_reward():
+    judge = judging.as_good("best return", "NSES", "NSLC", 0.02, US)
+    nothing = judge(Numbers(NSES=[0.0] * 5, NSLC=[0.0] * 5))
+    assert nothing == (U, "US: best return 0 against 0: no reward")
+    assert judge(Numbers(NSES=MANY, NSLC=[0.0] * 5)).word == R
+    assert judge(Numbers(NSES=[0.0] * 5, NSLC=MANY)).word == N
 
 
 def test_who_had_fewer_steps_is_not_compared():
@@ -396,16 +404,6 @@ def test_what_is_left_of_a_bonus_is_that_of_the_second_half():
     assert np.isnan(run_numbers.bonus_left(pd.DataFrame({"bonus": np.full(100, np.nan)})))
 
 
-def test_what_takes_longer_is_told_by_the_measured_seconds():
-    names = ["CuriosityES, paper", "AURORA"]
-    word, numbers = judging.takes_longer(*names)(None)
-    assert word == R
-    assert judging.takes_longer(*reversed(names))(None).word == N
-    page = (Path(__file__).parents[1] / "docs/results/speed_of_learning.md").read_text()
-    for name, seconds in zip(names, re.findall(r"(\d+) s\b", numbers), strict=True):
-        assert f"| {name} | {seconds} |" in page
-
-
 def squares(**places):
     """Counts in the squares of a maze; a place is (y, x) in maze units."""
     counts = np.zeros((100, 100))
@@ -423,9 +421,12 @@ def test_final_states_in_squares():
     middle = squares(middle=((95, 100), 9))
     for counts, density in ((even, 1.0), (squares(start=((5, 5), 9)), 0.0), (middle, 3.0)):
         assert run_numbers.middle_of_snake(snake, counts) == pytest.approx(density, rel=0.1)
-    assert run_numbers.evenness(US, np.ones((100, 100))) == pytest.approx(1.0)
-    assert run_numbers.evenness(US, squares(a=((5, 5), 5), b=((9, 9), 5))) == pytest.approx(1.0)
-    assert run_numbers.evenness(US, squares(a=((5, 5), 1), b=((9, 9), 99))) < 0.1
+    assert run_numbers.evenness(snake, even) == pytest.approx(1.0)
+    of_two = np.log(2.0) / np.log(even.sum())
+    assert run_numbers.evenness(snake, squares(a=((5, 5), 5), b=((9, 5), 5))) == pytest.approx(
+        of_two
+    )
+    assert run_numbers.evenness(snake, squares(a=((5, 5), 1), b=((9, 5), 99))) < of_two
 
 
 def test_routes_of_all_policies_are_counted_and_of_many_expected():

@@ -1,5 +1,6 @@
-"""The page that plays mazes in the browser computes what the packages do, bit for bit."""
+"""The page that plays mazes in the browser computes what the packages do."""
 
+import html
 import json
 import re
 import shutil
@@ -113,24 +114,62 @@ def test_the_page_has_every_policy_of_a_maze(data):
     np.testing.assert_array_equal(np.float32(ours), vector)
 
 
+PLAYED = """
+const said = [];
+onerror = (text) => said.push(text);
+while (!episode.ended) play(episode);
+say();
+said.push(element.said.textContent);
+const box = canvas.getBoundingClientRect();
+const send = (kind, x, y) => canvas.dispatchEvent(new PointerEvent(kind, {
+  clientX: box.left + x * box.width, clientY: box.top + (1 - y) * box.height, pointerId: 1 }));
+canvas.setPointerCapture = () => {};
+send("pointerdown", 0.5, 0.025); send("pointermove", 0.25, 0.025); send("pointerup", 0.25, 0.025);
+said.push(start.map(Math.round).join());
+element.draw.click();
+const walls = maze.walls.length;
+send("pointerdown", 0.6, 0.01); send("pointermove", 0.62, 0.04); send("pointerup", 0.62, 0.04);
+send("pointerdown", 0.2, 0.01); send("pointermove", 0.3, 0.04); send("pointerup", 0.3, 0.04);
+said.push(maze.walls.length - walls, element.said.textContent);
+element.clear.click();
+hundred();
+for (const one of others.episodes) while (!one.ended) play(one);
+told = 0;
+say();
+said.push(element.said.textContent, document.documentElement.scrollWidth <= innerWidth);
+canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
+said.push(actionOf(episode.seen).join(), element.hundred.disabled);
+canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "r", ctrlKey: true }));
+document.body.dataset.said = JSON.stringify(said);
+"""
+
+
 @needs_chromium
-def test_the_page_plays_in_a_browser(tmp_path):
+@pytest.mark.parametrize("width", [500, 1300])
+def test_the_page_plays_in_a_browser(width, tmp_path):
     play.write(tmp_path / "play")
     page = tmp_path / "play/index.html"
-    loud = "<script>onerror = (text) => { document.title = text; };</script>"
-    # Where time is virtual hardly a frame is drawn.
-    hasty = "<script>while (!episode.ended) play(episode); say();</script>"
-    text = page.read_text().replace("<main>", f"{loud}<main>")
-    page.write_text(text.replace("</body>", f"{hasty}</body>"))
+    page.write_text(page.read_text().replace("</body>", f"<script>{PLAYED}</script></body>"))
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
     options += ["--no-first-run", "--disable-sync", f"--user-data-dir={tmp_path / 'user'}"]
-    for width in (400, 1300):
-        sized = [f"--window-size={width},900", "--virtual-time-budget=3000", "--dump-dom"]
-        ran = subprocess.run(
-            ["chromium", *options, *sized, page.as_uri()],
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
-        assert "<title>Play: curiosity-search</title>" in ran.stdout
-        assert re.search(r"Arrived after \d+ steps", ran.stdout)
+    options += [f"--window-size={width},900", "--virtual-time-budget=3000", "--dump-dom"]
+    command = ["chromium", *options, page.as_uri()]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    said = json.loads(html.unescape(re.search(r'data-said="(.*?)"', ran.stdout)[1]))
+    arrived, start, n_walls, refused, hundred, fits, action, is_disabled = said
+    assert re.fullmatch(r"Arrived after \d+ steps: a return of 0\.\d+\.", arrived)
+    assert start == "50,5"
+    assert n_walls == 1  # the other one would bury the start
+    assert refused == "A wall must leave the start free."
+    assert re.search(r"Of 100 starts nearby \d+ arrived\.$", hundred)
+    assert fits
+    assert action == "-1,0"
+    assert is_disabled
+
+
+def test_alone_the_page_links_to_no_other(tmp_path):
+    play.write(tmp_path / "alone")
+    play.write(tmp_path / "beside", is_alone=False)
+    alone, beside = ((tmp_path / each / "index.html").read_text() for each in ("alone", "beside"))
+    assert "<a " not in alone
+    assert beside.count("<a href=") == 2

@@ -13,7 +13,7 @@ const element = Object.fromEntries(
 const canvas = element.world, context = canvas.getContext("2d");
 const steering = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const pressed = new Set();
-let maze, start, episode, others, drawn, dragged = null, held = null, paused = false;
+let maze, start, episode, others, drawn, dragged = null, held = null, paused = false, told = 0;
 
 function option(select, values) {
   select.replaceChildren(...values.map((value) => new Option(value, value)));
@@ -45,6 +45,10 @@ function choose() {
   begin();
 }
 
+function isYou() {
+  return element.policy.value === YOU;
+}
+
 function newEpisode(place) {
   const state = [...place, 0, 0];
   return { state, seen: maze.observe(state), trail: [[...place]], t: 0, arrived: false };
@@ -53,6 +57,7 @@ function newEpisode(place) {
 function begin() {
   episode = newEpisode(start);
   others = null;
+  element.hundred.disabled = isYou();
   if (paused) toggle();
   say();
 }
@@ -77,6 +82,7 @@ function play(one) {
 function say() {
   const { t, arrived, ended } = episode;
   let text = `Step ${t} of ${horizon}.`;
+  if (isYou() && !t) text = "Steer with the arrow keys, or hold the pointer where the robot shall go.";
   if (arrived) text = `Arrived after ${t} steps: a return of ${(1 - t / horizon).toFixed(3)}.`;
   else if (ended) text = `Not arrived in ${horizon} steps: a return of 0.`;
   if (others) {
@@ -84,7 +90,9 @@ function say() {
     const n = done.filter((each) => each.arrived).length;
     text += ` Of ${done.length} starts nearby ${n} arrived.`;
   }
+  if (performance.now() < told) return;
   if (element.said.textContent !== text) element.said.textContent = text;
+  element.said.ariaLive = ended ? "polite" : "off";
 }
 
 // Starts within a unit, where a robot may stand.
@@ -98,7 +106,10 @@ function hundred() {
 }
 
 function frame() {
-  if (!paused) for (let i = 0; i < element.speed.valueAsNumber && !episode.ended; i++) play(episode);
+  // Who steers needs time: a step a frame, and the first one with the first key.
+  const isWaiting = isYou() && !episode.t && !pressed.size && !held;
+  const n = paused || isWaiting ? 0 : isYou() ? 1 : element.speed.valueAsNumber;
+  for (let i = 0; i < n && !episode.ended; i++) play(episode);
   for (const begun = performance.now(); others && performance.now() - begun < 12;) {
     const one = others.episodes[others.next];
     if (!one) break;
@@ -188,30 +199,38 @@ for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (
     drawn.push(dragged.wall);
     build();
     if (maze.isFree(...start)) begin();
-    else { drawn.pop(); build(); element.said.textContent = "A wall must leave the start free."; }
+    else {
+      drawn.pop();
+      build();
+      told = performance.now() + 3000;
+      element.said.textContent = "A wall must leave the start free.";
+    }
   }
   dragged = held = null;
 });
 
 function moveStart(event) {
   const [x, y] = place(event);
-  if (element.policy.value === YOU) held = [x, y];
+  if (isYou()) held = [x, y];
   else if (maze.isFree(x, y)) { start = [x, y]; begin(); }
 }
 
-document.addEventListener("keydown", (event) => {
-  if (event.target.tagName === "SELECT" || event.target.tagName === "INPUT") return;
+canvas.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
   if (event.key in steering) {
     pressed.add(event.key);
-    if (element.policy.value !== YOU) { element.policy.value = YOU; begin(); }
-  } else if (event.key === " " && event.target.tagName !== "BUTTON") toggle();
+    if (!isYou()) { element.policy.value = YOU; begin(); }
+  } else if (event.key === " ") toggle();
   else if (event.key === "r") begin();
   else return;
   event.preventDefault();
 });
-document.addEventListener("keyup", (event) => pressed.delete(event.key));
+canvas.addEventListener("keyup", (event) => pressed.delete(event.key));
+for (const [target, kind] of [[canvas, "blur"], [window, "blur"]]) {
+  target.addEventListener(kind, () => pressed.clear());
+}
 element.maze.addEventListener("change", choose);
-element.policy.addEventListener("change", begin);
+element.policy.addEventListener("change", () => { begin(); if (isYou()) canvas.focus(); });
 element.again.addEventListener("click", begin);
 element.pause.addEventListener("click", toggle);
 element.hundred.addEventListener("click", hundred);

@@ -109,4 +109,4 @@ def test_the_runs_of_the_paper_can_be_trained(monkeypatch):
         words = re.sub(r"--seeds \S+", "--seeds 0", command)
         result = CliRunner().invoke(app, [*shlex.split(words)[1:], "--jobs", "1"])
         assert result.exit_code == 0, f"{command}: {result.output}{result.exception}"
-    assert {run.algorithm for run in trained} >= {"curiosity_es", "td3_icm", "aurora"}
+    assert {run.algorithm for run in trained} >= {"CuriosityES", "TD3ICM", "AURORA"}

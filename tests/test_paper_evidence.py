@@ -1,5 +1,6 @@
 """The paper's figures and claims come from committed data, and that from runs."""
 
+import re
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -476,20 +477,21 @@ def test_pages_say_what_the_data_say(page):
     ("page", "said", "false"),
     [
         # NS-ES finds more of them in every maze.
-        ("paper.md", "90,302 against 36,684 in Snake", "36,684 against 90,302 in Snake"),
+        ("paper.md", r"([\d,]+) against ([\d,]+) in Snake", r"\2 against \1 in Snake"),
         ("paper.md", "some dozens or fewer", "7 or fewer than 99"),
-        ("paper_claims.md", "at most\n  5 % of all cases", "at most\n  7 % of all cases"),
-        ("reproduce.md", "700 steps a second", "800 steps a second"),
+        ("paper_claims.md", "5 % of all", "7 % of all"),
+        ("reproduce.md", r"\d+ steps a second", "9999 steps a second"),
     ],
 )
-def test_a_false_number_in_a_page_is_found(page, said, false, tmp_path, monkeypatch, capsys):
+def test_a_false_number_in_a_page_is_found(page, said, false, tmp_path, monkeypatch):
     text = (DOCS / page).read_text()
-    assert text.count(said) == 1
+    wrong, n = re.subn(said, false, text)
+    assert n == 1
     (docs := tmp_path / "docs").mkdir()
     for name in prose.STATEMENTS:
         shutil.copy(DOCS / name, docs / name)
     monkeypatch.setattr(prose, "DOCS", docs)
-    (docs / page).write_text(text.replace(said, false))
+    (docs / page).write_text(wrong)
     result = CliRunner().invoke(CHECK, ["--check"])
     assert result.exit_code == 1
     assert result.output.startswith(f"{page}: ")

@@ -25,7 +25,7 @@ from benchmarks.judging import (
     not_measured,
     opposite,
 )
-from benchmarks.paper import SETTINGS, Tables
+from benchmarks.paper import SETTINGS, evidence
 from benchmarks.plan import (
     BOTTLENECK,
     COMPARED,
@@ -262,7 +262,7 @@ def main(
     """Print the verdicts, or what a page says otherwise than the data, and fail then."""
     if not check:
         for settings in SETTINGS:
-            tables = Tables(settings)
+            tables = evidence(settings)
             for claim in CLAIMS:
                 print(f"{settings}, {claim.section}: {claim.text} *{claim.judge(tables).word}*")
         return

@@ -27,21 +27,22 @@ from benchmarks.until_found import UntilFound, in_words
 from curiosity_algos import make_evaluator
 from curiosity_algos.experiments.canvas import short_name
 
+LARGEST, N_LAST = 100.0, 16 * 2 + 2
+"""Acceleration of `STRONG`, and parameters of the last layer."""
 CODE: dict[str, Any] = {"restitution": 1.0, "max_speed": 500.0, "goal_radius": 1.0}
+STRONG = "the code's, of Curiosity-ES"
+"""Its actions are `100 tanh(z / 100)` of a network's output z, those of others `5 tanh(z)`."""
 DYNAMICS: dict[str, dict[str, Any]] = {
     "as here": {},
     "elastic walls": {"restitution": 1.0},
     "the code's": CODE,
+    STRONG: {**CODE, "max_acceleration": LARGEST},
 }
 """Keywords of the mazes."""
-STRONG = "the code's, of Curiosity-ES"
-"""Its actions are `100 tanh(z / 100)` of a network's output z, those of others `5 tanh(z)`."""
 STRONG_SIGMA = {MAZES[2]: 0.1}
 """Its deviation of the weights by maze; .05 in others."""
 N_POLICIES, SIGMA = 2000, 0.5
 """Random policies, and the deviation of their weights: the paper's `sigma`."""
-LARGEST, N_LAST = 100.0, 16 * 2 + 2
-"""Acceleration, and parameters of the last layer."""
 STRATEGIES = ("CanonicalES", "NSES", "CuriosityES")
 ALGORITHMS = (*STRATEGIES, "NSLC", "AURORA", "MAPElites", "CMAME")
 POLICIES, KEYS = ["dynamics", "env"], ["algorithm", "env", "seed"]
@@ -57,7 +58,7 @@ def main(
     th.set_num_threads(1)
     path = out / "dynamics_random.csv"
     done = recorded(path, POLICIES)
-    for key in product([*DYNAMICS, STRONG], MAZES):
+    for key in product(DYNAMICS, MAZES):
         if key not in done:
             add_rows(pd.DataFrame([play(*key, policies)]), path, POLICIES)
     path = out / "dynamics.csv"
@@ -71,8 +72,7 @@ def main(
 def play(dynamics: str, env: str, n: int) -> dict[str, Any]:
     """How many of n random policies come to the goal."""
     is_strong = dynamics == STRONG
-    settings = {**CODE, "max_acceleration": LARGEST} if is_strong else DYNAMICS[dynamics]
-    evaluator = make_evaluator(gym.make(env, **settings), n_threads=1)
+    evaluator = make_evaluator(gym.make(env, **DYNAMICS[dynamics]), n_threads=1)
     shape = n, evaluator.n_parameters
     sigma = STRONG_SIGMA.get(env, 0.05) if is_strong else SIGMA
     drawn = np.random.default_rng(0).normal(0.0, sigma, shape).astype(np.float32)
@@ -106,7 +106,7 @@ def random_table(values: pd.DataFrame) -> str:
     """A row for each dynamics: how many random policies come to the goal of each maze."""
     (n,) = values["policies"].unique()
     found = values.set_index(POLICIES)["found"]
-    rows = [[each, *(str(found[each, env]) for env in MAZES)] for each in [*DYNAMICS, STRONG]]
+    rows = [[each, *(str(found[each, env]) for env in MAZES)] for each in DYNAMICS]
     return markdown([f"Dynamics, of {n:,} policies", *map(short_name, MAZES)], rows)
 
 

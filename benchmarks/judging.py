@@ -19,7 +19,7 @@ from scipy.stats import PermutationMethod, mannwhitneyu
 
 from benchmarks.paper import Tables
 from benchmarks.plan import Series
-from benchmarks.run_numbers import SPENT, Float64, measured
+from benchmarks.run_numbers import SPENT, Float64, numbers_of
 from benchmarks.run_tables import LEAST_RUNS
 from curiosity_algos.experiments.canvas import short_name
 from curiosity_algos.experiments.statistics import Interval, stratified_bootstrap
@@ -48,10 +48,8 @@ Judge: TypeAlias = Callable[[Tables], Verdict]
 
 def _numbers(tables: Tables, measure: str, algorithm: str | Series, env: str) -> Float64:
     """The number of each of the runs, NaN where it has none."""
-    values = measured(measure, tables)
     series = Series(algorithm) if isinstance(algorithm, str) else algorithm
-    key = (series.algorithm, env, series.variant)
-    return values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
+    return numbers_of(tables, measure, series.algorithm, env, series.variant)
 
 
 def _told(

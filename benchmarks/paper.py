@@ -13,6 +13,7 @@ projection.csv    rewarding policies of the runs that figure 8 shows
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -253,6 +254,10 @@ class Tables:
         return table[(table[list(keys)] == pd.Series(keys)).all(axis=1)]
 
 
+evidence = cache(Tables)
+"""What is committed of some settings, read once."""
+
+
 def _with_setting(table: pd.DataFrame, setting: str, algorithms: set[str]) -> pd.DataFrame:
     """Rows in which the algorithms' runs with a setting are in the place of those without."""
     settings = table["variant"].str.split(",")
@@ -265,11 +270,11 @@ def _with_setting(table: pd.DataFrame, setting: str, algorithms: set[str]) -> pd
 def draw(out: Path = IMAGES, folder: Path = FOLDER) -> None:
     """Draw every figure anew."""
     for settings, figures in FIGURES.items():
-        evidence = Tables(settings, folder)
+        tables = Tables(settings, folder)
         for figure, (ending, theme) in product(figures, THEMES.items()):
             with mpl.rc_context(theme):
                 path = out / f"{settings}_figure_{figure}{ending}.png"
-                save_figure(paper_figures.draw(figure, evidence), path)
+                save_figure(paper_figures.draw(figure, tables), path)
                 typer.echo(path)
 
 

@@ -10,14 +10,12 @@ from benchmarks import run_tables
 from benchmarks.claims import CLAIMS
 from benchmarks.judging import NOT_REPRODUCED, REPRODUCED, Verdict
 from benchmarks.measure import markdown
-from benchmarks.paper import PUBLIC_STEP, Tables
+from benchmarks.paper import PUBLIC_STEP, evidence
 from benchmarks.plan import series_of
 from benchmarks.results import ENVIRONMENTS, in_order
 from benchmarks.run_numbers import N_POLICIES, US, measured
 from curiosity_algos.experiments.canvas import short_name
 
-evidence = cache(Tables)
-"""What is committed of some settings, read once."""
 WOULD = {REPRODUCED: "would hold", NOT_REPRODUCED: "would not hold"}
 COLUMNS = ["Section", "What the paper says", "Verdict", "Our runs"]
 

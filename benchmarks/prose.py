@@ -13,10 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.paper import Tables
+from benchmarks.paper import Tables, evidence
 from benchmarks.plan import BUDGETS, CONTROL, MAZES
 from benchmarks.results import read_rows
-from benchmarks.run_numbers import N_POLICIES, US, Float64, expected_kinds, measured, with_regions
+from benchmarks.run_numbers import (
+    N_POLICIES,
+    US,
+    Float64,
+    expected_kinds,
+    measured,
+    numbers_of,
+    with_regions,
+)
 from curiosity_algos.experiments.canvas import short_name
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -36,12 +44,12 @@ NOT_PROSE = re.compile(r"^(\||#|`{3,}|```|:|<|\s+--).*$|`[^`]*`|<!--.*?-->", fla
 def faults(page: str) -> list[str]:
     """What a page says otherwise than the data, and its numbers that stand for nothing."""
     text = re.sub(r"\]\([^)]*\)", "]", (DOCS / page).read_text())
-    said = one_line(text)
-    missing = [each for each in STATEMENTS[page]() if each not in said]
+    said, statements = one_line(text), STATEMENTS[page]()
+    missing = [each for each in statements if each not in said]
     prose = one_line(
         NOT_PROSE.sub("", re.sub(r"<!-- table .*?<!-- end[^>]*>", "", text, flags=re.S))
     )
-    for each in STATEMENTS[page]():
+    for each in statements:
         prose = prose.replace(one_line(NOT_PROSE.sub("", each)), "")
     unknown = sorted(set(NUMBER.findall(prose)) - set(GIVEN[page].split())) if page in GIVEN else []
     return [f"not said: {each}" for each in missing] + [f"of no run: {each}" for each in unknown]
@@ -52,18 +60,14 @@ def one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def numbers(tables: Tables, measure: str, algorithm: str, env: str, variant: str = "") -> Float64:
-    """A measure of each run."""
-    values = measured(measure, tables)
-    key = algorithm, env, variant
-    return values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)
-
-
 def of_paper() -> list[str]:
     """Of the page "The paper, figure by figure"."""
-    formula, code = Tables("paper"), Tables("public")
+    formula, code = evidence("paper"), evidence("public")
     rewarding = [
-        [numbers(code, "rewarding policies", name, env).mean() for name in ("NSES", "CuriosityES")]
+        [
+            numbers_of(code, "rewarding policies", name, env).mean()
+            for name in ("NSES", "CuriosityES")
+        ]
         for env in MAZES
     ]
     more = ", ".join(
@@ -74,28 +78,13 @@ def of_paper() -> list[str]:
     (cma_me,), ours = regions["CMAME"], regions["CuriosityES"]
     rates = [f"icm_learning_rate={rate},step=canonical" for rate in ("0.00001", "0.001")]
     few = [
-        int(numbers(formula, "rewarding policies", "CuriosityES", SNAKE, each)[0]) for each in rates
+        int(numbers_of(formula, "rewarding policies", "CuriosityES", SNAKE, each)[0])
+        for each in rates
     ]
-    same_seed = numbers(code, "rewarding policies", "CuriosityES", SNAKE)[0]
+    same_seed = numbers_of(code, "rewarding policies", "CuriosityES", SNAKE)[0]
     episodes = (
         formula.table("runs").set_index(["algorithm", "env"])["n_episodes"]["MAPElites", US].min()
     )
-    cup = [
-        numbers(formula, "coverage", "CuriosityES", BALL, each).mean() for each in ("phi=0.0", "")
-    ]
-    alone = {
-        name: [numbers(formula, "coverage", name, env, variant).mean() for env in CONTROL]
-        for name, variant in [*((each, "phi=0.0") for each in STRATEGIES), *DESCRIBED]
-    }
-    stacker = sorted(alone["CuriosityES"][2] / alone[name][2] for name, _ in DESCRIBED)
-    finger = measured("coverage", formula)
-    finger = finger[finger.index.get_level_values("env") == FINGER]
-    found = {
-        key: numbers(formula, "first reward", *key) / 1e6
-        for key in [("TD3ICM", BALL), ("TD3ICM", STACKER), ("CuriosityES", STACKER)]
-    }
-    ours_in_stacker = found["CuriosityES", STACKER]
-    without = numbers(formula, "first reward", "CuriosityES", BALL, "phi=0.0") / 1e6
     return [
         *_in_five_sentences(formula, code),
         _budgets(formula),
@@ -107,6 +96,31 @@ def of_paper() -> list[str]:
         f"{min(ours):.0f} to {max(ours):.0f}",
         f"reaches the goal of Snake in {min(few)} or {max(few)} of {_thousands(episodes)} episodes",
         f"the same seed reaches it {_thousands(same_seed)} times",
+        *_of_control(formula),
+        f"a run of MAP-Elites finds a handful in {_thousands(episodes)} episodes",
+    ]
+
+
+def _of_control(formula: Tables) -> list[str]:
+    """Of the control tasks, with the formula's step."""
+    cup = [
+        numbers_of(formula, "coverage", "CuriosityES", BALL, each).mean()
+        for each in ("phi=0.0", "")
+    ]
+    alone = {
+        name: [numbers_of(formula, "coverage", name, env, variant).mean() for env in CONTROL]
+        for name, variant in [*((each, "phi=0.0") for each in STRATEGIES), *DESCRIBED]
+    }
+    stacker = sorted(alone["CuriosityES"][2] / alone[name][2] for name, _ in DESCRIBED)
+    finger = measured("coverage", formula)
+    finger = finger[finger.index.get_level_values("env") == FINGER]
+    found = {
+        key: numbers_of(formula, "first reward", *key) / 1e6
+        for key in [("TD3ICM", BALL), ("TD3ICM", STACKER), ("CuriosityES", STACKER)]
+    }
+    ours_in_stacker = found["CuriosityES", STACKER]
+    without = numbers_of(formula, "first reward", "CuriosityES", BALL, "phi=0.0") / 1e6
+    return [
         f"On BallInCup it covers {cup[0] / cup[1]:.0f} times as much",
         f"finds that of BallInCup in {_share(found['TD3ICM', BALL])} runs, within "
         f"{_up(found['TD3ICM', BALL], 2)} M steps, and that of Stacker in "
@@ -118,7 +132,6 @@ def of_paper() -> list[str]:
         f"it covers {alone['CuriosityES'][0] / alone['NSES'][0]:.0f} times as much as NS-ES",
         f"{stacker[0]:.1f} to {stacker[1]:.1f} times as much as MAP-Elites and CMA-ME",
         f"a run covers {_up(100 * finger, 0)} % at most",
-        f"a run of MAP-Elites finds a handful in {_thousands(episodes)} episodes",
     ]
 
 
@@ -148,19 +161,19 @@ def _in_five_sentences(formula: Tables, code: Tables) -> list[str]:
 
 def _in_mazes(tables: Tables, measure: str, algorithm: str) -> Float64:
     """A measure of each run in all mazes."""
-    return np.concatenate([numbers(tables, measure, algorithm, env) for env in MAZES])
+    return np.concatenate([numbers_of(tables, measure, algorithm, env) for env in MAZES])
 
 
 def of_readme() -> list[str]:
     """Of README, about the paper."""
     return [
-        f"end in {_least_covered(Tables('public'))} % of their cells or more, except for one run"
+        f"end in {_least_covered(evidence('public'))} % of their cells or more, except for one run"
     ]
 
 
 def _least_covered(tables: Tables) -> int:
     """Percent of the cells that all runs cover, the worst of curiosity in Snake aside."""
-    aside = numbers(tables, "coverage", "CuriosityES", SNAKE).min()
+    aside = numbers_of(tables, "coverage", "CuriosityES", SNAKE).min()
     cells = np.concatenate([_in_mazes(tables, "coverage", name) for name in STRATEGIES])
     return int(100 * cells[cells > aside].min())
 
@@ -212,18 +225,18 @@ def of_choices() -> list[str]:
 
 def of_today() -> list[str]:
     """Of the page "The paper's figures with today's settings"."""
-    tables = Tables("tuned")
+    tables = evidence("tuned")
     firsts = np.concatenate(
-        [numbers(tables, "first reward", name, env) for name in STRATEGIES for env in MAZES]
+        [numbers_of(tables, "first reward", name, env) for name in STRATEGIES for env in MAZES]
     )
     covered = {
-        name: min(numbers(tables, "coverage", name, env).min() for env in MAZES)
+        name: min(numbers_of(tables, "coverage", name, env).min() for env in MAZES)
         for name in STRATEGIES
     }
     named = (*STRATEGIES, "MAPElites")
-    cup = np.concatenate([numbers(tables, "first reward", name, BALL) for name in named])
-    rewarding = numbers(tables, "rewarding policies", "CuriosityES", US)
-    regions = numbers(tables, "regions", "CuriosityES", US)
+    cup = np.concatenate([numbers_of(tables, "first reward", name, BALL) for name in named])
+    rewarding = numbers_of(tables, "rewarding policies", "CuriosityES", US)
+    regions = numbers_of(tables, "regions", "CuriosityES", US)
     episodes = tables.table("runs").set_index(["algorithm", "env"])["n_episodes"]
     return [
         f"find the goal in every run, {(firsts <= 5e6).sum()} of {len(firsts)} times within 5 M "
@@ -239,12 +252,12 @@ def of_today() -> list[str]:
 
 def of_claims() -> list[str]:
     """Of the page "The paper, claim by claim"."""
-    return [f"The runs with the paper's settings have {_seeds(Tables('paper'))}"]
+    return [f"The runs with the paper's settings have {_seeds(evidence('paper'))}"]
 
 
 def of_reproduce() -> list[str]:
     """Of the page "The paper's figures"."""
-    runs = Tables("paper").table("runs")
+    runs = evidence("paper").table("runs")
     td3 = runs[(runs["algorithm"] == "TD3ICM") & runs["env"].isin(MAZES)]
     speed = (td3["timesteps"] / td3["seconds"]).median()
     steps = BUDGETS["paper"].timesteps("NSES", US)

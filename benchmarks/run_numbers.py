@@ -234,3 +234,11 @@ MEASURES: dict[str, Callable[[Tables], Runs]] = {
 def measured(measure: str, tables: Tables) -> Runs:
     """One of `MEASURES` of all runs."""
     return MEASURES[measure](tables)
+
+
+def numbers_of(
+    tables: Tables, measure: str, algorithm: str, env: str, variant: str = ""
+) -> Float64:
+    """One of `MEASURES` of each of an algorithm's runs, NaN where a run has none."""
+    values, key = measured(measure, tables), (algorithm, env, variant)
+    return values[[tuple(each[:3]) == key for each in values.index]].to_numpy(dtype=float)

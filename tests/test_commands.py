@@ -72,7 +72,7 @@ def fault(command):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_commands_of_pages_can_be_given(page):
     given = [each for each in commands(page) if each.count(" ") > 1 and "..." not in each]
-    assert {each: fault(each) for each in given if fault(each)} == {}
+    assert {each: said for each in given if (said := fault(each))} == {}
 
 
 def test_pages_name_many_commands():

@@ -226,9 +226,7 @@ canvas.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 canvas.addEventListener("keyup", (event) => pressed.delete(event.key));
-for (const [target, kind] of [[canvas, "blur"], [window, "blur"]]) {
-  target.addEventListener(kind, () => pressed.clear());
-}
+for (const target of [canvas, window]) target.addEventListener("blur", () => pressed.clear());
 element.maze.addEventListener("change", choose);
 element.policy.addEventListener("change", () => { begin(); if (isYou()) canvas.focus(); });
 element.again.addEventListener("click", begin);

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from curiosity_gym import __version__
 
-sys.path.insert(0, str(Path(__file__).parent))  # mathml, notebooks, play
+sys.path.insert(0, str(Path(__file__).parent))  # keywords, mathml, notebooks, play
+
+from keywords import SECTIONS  # noqa: E402
 
 project = "curiosity-search"
 author = "The curiosity authors"
@@ -14,6 +16,7 @@ project_copyright = "2026, The curiosity authors"
 release = __version__
 
 extensions = [
+    "keywords",
     "mathml",
     "myst_nb",
     "notebooks",
@@ -54,6 +57,7 @@ napoleon_custom_sections = [
     "Episode End",
     "Information",
     "Version History",
+    *SECTIONS,
 ]
 
 html_math_renderer = "mathml"

@@ -1,5 +1,6 @@
 """What the documentation promises of its own pages."""
 
+import inspect
 import re
 import tomllib
 from importlib.metadata import metadata
@@ -11,6 +12,7 @@ from latex2mathml.converter import convert
 
 import curiosity_algos
 import curiosity_gym
+from docs.keywords import groups
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -28,6 +30,34 @@ def test_an_algorithms_page_begins_with_all_its_arguments_and_methods():
         assert first_section.startswith("Arguments and methods")
         assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
         assert "   :members:\n   :inherited-members:\n" in first_section
+
+
+HANDS_ON = sorted(
+    name
+    for name in curiosity_algos.__all__
+    if re.search(r"eywords\s+are\s+those", inspect.getdoc(getattr(curiosity_algos, name)) or "")
+)
+
+
+@pytest.mark.parametrize("name", HANDS_ON)
+def test_the_page_of_a_class_has_all_its_keywords_with_their_defaults(name):
+    cls = getattr(curiosity_algos, name)
+    found = "".join(groups(cls).values())
+    taken = inspect.signature(cls).parameters.values()
+    named = [one for one in taken if one.kind is not one.VAR_KEYWORD]
+    assert len(named) >= 2
+    for one in named:
+        default = "" if one.default is one.empty else f", default {one.default!r}"
+        assert re.search(rf"^    {one.name} \(.+{re.escape(default)}\): \S", found, re.M), one.name
+
+
+def test_keywords_that_a_class_hands_on_have_the_defaults_that_are_in_force():
+    assert len(HANDS_ON) >= 18
+    buffer = groups(curiosity_algos.BonusReplayBuffer)["Of the bonus"]
+    assert "weight (float, default 1)" in buffer
+    assert "norm_reward (bool, default False)" in buffer
+    assert "train_interval (int | None, default None)" in buffer
+    assert "learning_rate (float, default 0.001)" in groups(curiosity_algos.NGU)["Of every bonus"]
 
 
 @pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"])

@@ -15,5 +15,5 @@ class CanonicalES(EvolutionStrategy):
     While no individual has a reward all ranks are equal and the first `n_parents` recombine: the
     center walks at random.
 
-    All keywords are those of `EvolutionStrategy` and `EvolutionaryAlgorithm`.
+    All keywords are those of `EvolutionStrategy`.
     """

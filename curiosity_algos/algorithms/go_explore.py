@@ -53,8 +53,8 @@ class GoExplore(EvolutionaryAlgorithm):
     observes, and only from the start of the search do they lead to the goal. `robustify(model)`
     trains a policy.
 
-    Further keywords are those of `EvolutionaryAlgorithm`, but `evaluator` and `policy_kwargs`,
-    which stay as they are.
+    `evaluator` and `policy_kwargs` must keep their defaults. Further keywords are those of
+    `EvolutionaryAlgorithm`.
 
     Args:
         env: As there, but no vector environment of others.

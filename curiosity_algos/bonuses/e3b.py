@@ -32,6 +32,8 @@ class E3B(NetworkBonus):
     `phi` are those of an inverse model, which tells the action between two states from them: what
     actions do not change is left out.
 
+    Further keywords are those of every bonus of networks, see `NetworkBonus`.
+
     Args:
         ridge: lambda, above 0: what is nothing like the episode so far has a bonus of its features'
             square over it.

@@ -1,0 +1,100 @@
+"""All keywords of a class on its page, with types and defaults: those that it hands on, too.
+
+A docstring says "Further keywords are those of `X`." Here that sentence becomes what `X` documents.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Iterator
+from textwrap import indent
+from typing import Any
+
+from sphinx.application import Sphinx
+
+HANDED_ON = re.compile(r"(?:Further|All)\s+keywords\s+are\s+those\s+of\s+([^.]+?)\.(?=\s|$)")
+SECTION = re.compile(r"^Args:\n((?:(?: {4}.*)?(?:\n|$))*)", re.M)
+ENTRY = re.compile(r"^(\w+): ((?:.*(?:\n {4}.*)*))", re.M)
+DEFAULT = re.compile(r"`(\w+)` \((\S+) by default")
+OWN = "Arguments"
+TITLES = {
+    "CuriousAlgorithm": "Of curiosity",
+    "Curiosity": "Of the bonus",
+    "MotivatedStrategy": "Of reward and motivation",
+    "EvolutionStrategy": "Of every evolution strategy",
+    "MAPElites": "Of the grid",
+    "QualityDiversity": "Of every algorithm with an archive",
+    "EvolutionaryAlgorithm": "Of every population algorithm",
+    "RND": "Of RND",
+    "NetworkBonus": "Of every bonus",
+    "EliteArchive": "Of every archive",
+}
+"""Of the keywords of a class, on the pages of those that hand keywords on to it."""
+SECTIONS = [(title, "params_style") for title in (OWN, *TITLES.values())]
+"""For napoleon."""
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Write the keywords before napoleon, whose priority is 500, reads the docstring."""
+    app.setup_extension("sphinx.ext.autodoc")  # whose event it is
+    app.connect("autodoc-process-docstring", rewrite, priority=400)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def rewrite(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Replace the arguments of a class that hands keywords on by all of them, in groups."""
+    doc = "\n".join(lines)
+    if what != "class" or not HANDED_ON.search(doc):
+        return
+    written = "".join(f"{title}:\n{entries}\n" for title, entries in groups(thing).items())
+    doc = HANDED_ON.sub("", SECTION.sub("", doc))
+    first = re.search(r"^(?:Attributes|Raises|Warns):", doc, re.M)
+    place = len(doc) if first is None else first.start()
+    lines[:] = f"{doc[:place].rstrip()}\n\n{written}\n{doc[place:]}".split("\n")
+
+
+def groups(cls: type[Any]) -> dict[str, str]:
+    """The entries of each group, by its title; a keyword is in the first that documents it."""
+    sentence = " ".join(HANDED_ON.findall(inspect.getdoc(cls) or ""))
+    defaults = dict(DEFAULT.findall(sentence))
+    listed = set(re.findall(r"`([a-z_]+)`", sentence.partition(":")[2]))
+    parameters, seen, found = inspect.signature(cls).parameters, set(), {}
+    is_open = any(one.kind is one.VAR_KEYWORD for one in parameters.values())
+    for source in dict.fromkeys(sources(cls)):
+        entries = []
+        there = inspect.signature(source).parameters
+        for keyword, text in documented(source):
+            one = parameters.get(keyword)
+            is_taken = one is not None or (is_open and (not listed or keyword in listed))
+            if is_taken and keyword not in seen:
+                seen.add(keyword)
+                kind = kind_of(one or there[keyword], defaults.get(keyword))
+                entries.append(indent(f"{keyword} ({kind}): {text}\n", " " * 4))
+        title = OWN if source is cls else TITLES[source.__name__]
+        found[title] = "".join(entries)
+    return {title: entries for title, entries in found.items() if entries}
+
+
+def sources(cls: type[Any]) -> Iterator[type[Any]]:
+    """A class, and those that it hands keywords on to."""
+    yield cls
+    for sentence in HANDED_ON.findall(inspect.getdoc(cls) or ""):
+        for name in re.findall(r"`([A-Z]\w+)`", sentence):
+            yield from sources(getattr(sys.modules[cls.__module__], name))
+
+
+def documented(cls: type[Any]) -> list[tuple[str, str]]:
+    """The arguments in the docstring of a class, and what it says of them."""
+    section = SECTION.search(inspect.getdoc(cls) or "")
+    lines = "" if section is None else section[1]
+    return ENTRY.findall(re.sub(r"^ {4}", "", lines, flags=re.M))
+
+
+def kind_of(parameter: inspect.Parameter, default: str | None) -> str:
+    """The type of an argument, and its default if it has one."""
+    kind = str(parameter.annotation).strip("'")
+    if default is None and parameter.default is not parameter.empty:
+        default = repr(parameter.default)
+    return kind if default is None else f"{kind}, default {default}"

@@ -7,7 +7,7 @@ from curiosity_gym.wrappers.behavior import BehaviorAccumulator, BehaviorWrapper
 from curiosity_gym.wrappers.record_episode import RecordEpisode
 from curiosity_gym.wrappers.sparse import SparseRewardWrapper
 
-__version__ = "0.1.0"
+__version__ = "1.0.0rc1"
 
 __all__ = [
     "BehaviorAccumulator",

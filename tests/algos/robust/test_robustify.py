@@ -163,6 +163,21 @@ def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, w
     assert (training.model.num_timesteps < 1_000) == works
 
 
+@pytest.mark.parametrize(("n", "free_steps", "is_tested"), [(1, 8_192, True), (100, 8_192, False)])
+def test_of_one_start_a_policy_is_tested_after_every_rollout(
+    demonstration, monkeypatch, n, free_steps, is_tested
+):
+    monkeypatch.setattr(watch, "n_different", lambda env: n)
+    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
+    training.starts.fronts[:] = 0
+    training.starts.free_steps = free_steps
+    training.starts.fresh_results.extend([True] * 60)
+    monkeypatch.setattr(watch.Watch, "_test", lambda self, seed: 1.0)
+    training.learn(1)
+    training.env.close()
+    assert (training.model.num_timesteps < 1_000) == is_tested
+
+
 def test_a_search_demonstrates_by_its_best_policy_and_by_elites(make_easy_maze):
     model = CuriosityES(make_easy_maze(), population_size=6, seed=0).learn(3_000)
     (best, *others) = demonstrations_of(model, make_easy_maze())

@@ -54,8 +54,10 @@ PARTS = {
     "num_repeats=1": replace(APT, repeat_action=1),
 }
 """Other settings of the recipe, one at a time."""
-KEPT = replace(APT, timesteps=3e6, bonus_kwargs={})
+PER_BATCH = replace(APT, timesteps=3e6, bonus_kwargs={})
 """With the weight and a budget at which the policy learns to come back to what it has found."""
+KEPT = replace(PER_BATCH, settings=PPO.settings | {"normalize_advantage": False})
+"""A batch without a success is then as weak as its bonus is."""
 WEIGHTS = (0.002, 0.02, 0.2, 2.0)
 DRAWN = ("perfect-8x8-seed10", "loops-8x8-seed10", "rooms-4x4-door8-seed10")
 """Mazes drawn at random, on none of which anything was tuned."""
@@ -72,19 +74,27 @@ def runs_of(run: RunSpec, envs: Iterable[str], bonuses: Iterable[str | None]) ->
     ]
 
 
+def in_all(name: str, run: RunSpec) -> dict[str, list[RunSpec]]:
+    """A run in the mazes, in PointMaze and in each maze that was drawn, by the name of a table."""
+    general = replace(run, env="CuriosityMaze-v0")
+    drawn = {
+        f"{name}/{each}": [replace(general, env_kwargs={"layout": each}, variant=each)]
+        for each in DRAWN
+    }
+    return {
+        name: [replace(run, env=env) for env in MAZES],
+        f"{name}/point": [replace(run, env=SPARSE[1])],
+        **drawn,
+    }
+
+
 RUNS: dict[str, list[RunSpec]] = {
     "ppo": runs_of(PPO, MAZES, (None, *BONUSES)),
-    "recipe": [replace(KEPT, env=env) for env in MAZES],
-    "recipe/point": [replace(KEPT, env=SPARSE[1])],
-    **{
-        f"recipe/{each}": [
-            replace(KEPT, env="CuriosityMaze-v0", env_kwargs={"layout": each}, variant=each)
-        ]
-        for each in DRAWN
-    },
+    **in_all("recipe", KEPT),
+    **in_all("per_batch", PER_BATCH),
     "weights": [
         replace(
-            KEPT,
+            PER_BATCH,
             env=env,
             bonus_kwargs={"weight": weight, "norm_reward": False},
             variant=f"weight={weight:g}",

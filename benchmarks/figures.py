@@ -10,7 +10,8 @@ import pandas as pd
 import typer
 from matplotlib.figure import Figure
 
-from benchmarks.results import ENVIRONMENTS, read_curves
+from benchmarks.minigrid import FRAMES
+from benchmarks.results import ENVIRONMENTS, read_curves, read_rows
 from curiosity_algos.experiments.canvas import (
     Line,
     add_note,
@@ -40,6 +41,7 @@ ROWS = {
 }
 """Of each column that is drawn its name on the axis, and what is 1 there."""
 SUCCESS = {"success": ("of the last 100 episodes, with success (%)", 0.01)}
+BEHIND_DOORS = "PPO + ETD", "PPO + NovelD", "PPO + RND", "PPO"
 NOTE = "Thick: interquartile mean of {}; shaded: its 95 % interval; thin: each."
 
 
@@ -87,6 +89,22 @@ def weights(curves: pd.DataFrame) -> Figure:
     return show(curves, "How strong should the bonus be?", SUCCESS, "Thick: mean of {}.")
 
 
+def minigrid(rows: pd.DataFrame) -> Figure:
+    """The mean return over frames, with bonuses that ask what an episode has seen, and without."""
+    runs = rows[rows["algorithm"].isin(BEHIND_DOORS)].rename(columns={"frames": "timesteps"})
+    colors = color_labels(runs["algorithm"])
+    figure, (axes,) = make_panels(1, len(FRAMES))
+    for ax, env in zip(axes, FRAMES, strict=True):
+        lines = lines_of(runs[runs["env"] == env], "return", colors)
+        draw_lines(ax, lines, x_unit=1e3)
+        ax.set(title=short_name(env), xlabel="frames (thousands)")
+    axes[0].set_ylabel("mean return of 100 episodes")
+    shown = [Line(name, color, []) for name, color in colors.items()]
+    add_title(figure, "Behind MiniGrid's doors", legend_handles(shown))
+    add_note(figure, NOTE.format("5 runs"))
+    return figure
+
+
 def random_mazes() -> Figure:
     """A maze of each kind."""
     figure = Figure(figsize=(12, 3.2), layout="constrained")
@@ -101,6 +119,7 @@ def main(out: Path = IMAGES) -> None:
     """Draw every figure anew."""
     out.mkdir(parents=True, exist_ok=True)
     save_figure(random_mazes(), out / "random_mazes.png")
+    save_figure(minigrid(read_rows("minigrid")), out / "minigrid.png")
     save_figure(weights(read_curves("weights")), out / "weights.png")
     for name, title in TITLES.items():
         save_figure(show(read_curves(name), title), out / f"{name}.png")

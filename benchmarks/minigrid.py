@@ -70,7 +70,7 @@ def make_env(env: str) -> gym.Env[Any, Any]:
 
 
 def make_ppo(env: str, bonus: str, seed: int) -> PPO:
-    """SB3's PPO with or without a bonus, as docs/bonuses_sb3.md has it for small images."""
+    """SB3's PPO with or without a bonus, as docs/minigrid.md has it."""
     venv = make_vec_env(partial(make_env, env), n_envs=16, seed=seed)
     if bonus != "none":
         venv = BonusVecEnvWrapper(venv, bonus=bonus, weight=0.1, norm_reward=False, seed=seed)

@@ -8,7 +8,7 @@ from curiosity_gym import __version__
 
 sys.path.insert(0, str(Path(__file__).parent))  # keywords, mathml, notebooks, play
 
-from keywords import SECTIONS  # noqa: E402
+from keywords import SECTIONS
 
 project = "curiosity-search"
 author = "The curiosity authors"

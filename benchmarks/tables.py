@@ -63,12 +63,12 @@ def headline() -> str:
         ],
         [
             "The same by Stable-Baselines3's PPO, with a bonus around its environment",
-            f"PPO + APT: {_found(ppo, 'PPO + APT')}",
+            f"PPO + APT, weight 1: {_found(ppo, 'PPO + APT')}",
             f"PPO: {_found(ppo, 'PPO')}",
         ],
         speed[:3],
     ]
-    return markdown(["", "Here", "Beside it"], rows)
+    return markdown(["", "Here", "Compared with"], rows)
 
 
 def _found(runs: pd.DataFrame, algorithm: str) -> str:
@@ -86,11 +86,12 @@ def robots() -> str:
     """In how many runs CuriosityES found a goal among walls, and from how many starts it holds."""
     found = partial(_found_and_held, read_runs("locomotion_long"), read_rows(UNSEEN))
     return (
-        "With ten million steps, and without knowing positions, CuriosityES finds a way around the "
-        f"U in AntTrap in single episodes of {found('AntTrap')}; for a humanoid it finds one in "
-        f"those of {found('HumanoidTrap')}. By the ant's best episode `robustify` trains policies "
-        f"that reach the goal from {hold.in_words(read_rows('hold'), 'AntTrap')}, and by the "
-        f"humanoid's best one from {hold.in_words(read_rows('hold'), 'HumanoidTrap')}."
+        "In ten million steps, and without knowing positions, CuriosityES found a way around the U "
+        f"of AntTrap in single episodes of {found('AntTrap')}. In HumanoidTrap it found the way in "
+        f"those of {found('HumanoidTrap')}. From the ant's best episode `robustify` trained "
+        "policies that reach the goal from "
+        f"{hold.in_words(read_rows('hold'), 'AntTrap')}. From the humanoid's best episode it "
+        f"trained one that does so from {hold.in_words(read_rows('hold'), 'HumanoidTrap')}."
     )
 
 
@@ -104,7 +105,7 @@ def _found_and_held(runs: pd.DataFrame, starts: pd.DataFrame, name: str) -> str:
     found = f"{runs['first_success_timesteps'].notna().sum()} of {len(runs)} runs"
     *solved, last = starts["solved"]
     solved = f"{', '.join(map(str, solved))} and {last} of {n_starts} other starts"
-    return f"{found}, and the best policies of the {len(starts)} reach it from {solved}"
+    return f"{found}; the best policies of the {len(starts)} reach the goal from {solved}"
 
 
 def make_table(

@@ -20,7 +20,7 @@ from curiosity_algos.experiments.description import check_same, describe_run
 from curiosity_algos.experiments.run_folder import RunFolder
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
-from curiosity_algos.robust.measure import draws_starts, evaluate_starts, in_words
+from curiosity_algos.robust.measure import evaluate_starts, in_words, is_drawn
 from curiosity_algos.robust.solve import Enough
 
 
@@ -122,7 +122,7 @@ def _measure_starts(model: BaseAlgorithm, run: RunSpec, folder: RunFolder) -> No
     if all(result.get(event) is None for event in events):
         return
     with closing(run.make_single()) as env:
-        if draws_starts(env):
+        if is_drawn(env):
             folder.note(starts=evaluate_starts(model, env).counts)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,8 @@ from curiosity_gym.validation import check_at_least_one, check_seed
 
 N_STARTS = 100
 """Starts that a policy is tested from, unless a user says another number."""
+N_COMPARED = 20
+"""Steps of two episodes that are compared, to see whether chance has a part in them."""
 UNSEEN = 10_000
 """The first seed of starts that no search has played, unless a user says another."""
 
@@ -69,15 +72,29 @@ def in_words(k: int, n: int) -> str:
     return f"{k} of {n} starts (95 % interval {low:.0%} to {high:.0%})"
 
 
-def draws_starts(env: gym.Env[Any, Any]) -> bool:
-    """Whether episodes of an environment begin at different observations."""
-    one, other = (env.reset(seed=UNSEEN + i)[0] for i in range(2))
+def is_drawn(env: gym.Env[Any, Any]) -> bool:
+    """Whether episodes of the same actions differ by the seeds of their resets."""
+    actions = copy.deepcopy(env.action_space)
+    actions.seed(UNSEEN)
+    taken = [actions.sample() for _ in range(N_COMPARED)]
+    one, other = (_observed(env, UNSEEN + i, taken) for i in range(2))
     return not data_equivalence(one, other)
 
 
+def _observed(env: gym.Env[Any, Any], seed: int, actions: list[Any]) -> list[Any]:
+    """What is observed from a reset on, while these actions are taken or until the episode ends."""
+    observations = [copy.deepcopy(env.reset(seed=seed)[0])]
+    for action in actions:
+        observation, _, terminated, truncated, _ = env.step(action)
+        observations.append(copy.deepcopy(observation))
+        if terminated or truncated:
+            break
+    return observations
+
+
 def n_different(env: gym.Env[Any, Any]) -> int:
-    """How many starts to play: one if all are the same."""
-    return N_STARTS if draws_starts(env) else 1
+    """How many episodes to play: one if all are the same."""
+    return N_STARTS if is_drawn(env) else 1
 
 
 def evaluate_starts(

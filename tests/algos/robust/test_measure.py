@@ -1,6 +1,7 @@
 """The share of unseen starts from which a policy succeeds."""
 
 import math
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from gymnasium.spaces import Box
 from walk import Right, Walk
 
-from curiosity_algos.robust.measure import Starts, evaluate_starts
+from curiosity_algos.robust.measure import N_STARTS, Starts, evaluate_starts, n_different
 from curiosity_gym import BehaviorWrapper
 
 
@@ -67,3 +68,19 @@ class Counting:
 
 def test_a_policy_remembers_its_episode():
     assert evaluate_starts(Counting(), Walk(), 5).success.all()
+
+
+@pytest.mark.parametrize(
+    ("make", "n"),
+    [
+        (partial(gym.make, "CuriosityMaze-Hard-v0"), 1),
+        (partial(gym.make, "CuriosityMaze-Hard-v0", start_radius=20), N_STARTS),
+        (Walk, N_STARTS),
+        (partial(gym.make, "FrozenLake-v1"), N_STARTS),  # one start, on slippery ice
+        (partial(gym.make, "FrozenLake-v1", is_slippery=False), 1),
+    ],
+)
+def test_one_episode_is_enough_where_chance_has_no_part(make, n):
+    env = make()
+    assert n_different(env) == n
+    env.close()

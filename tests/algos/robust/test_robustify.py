@@ -163,8 +163,17 @@ def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, w
     assert (training.model.num_timesteps < 1_000) == works
 
 
-@pytest.mark.parametrize(("n", "free_steps", "is_tested"), [(1, 8_192, True), (100, 8_192, False)])
-def test_of_one_start_a_policy_is_tested_after_every_rollout(
+@pytest.mark.parametrize(
+    ("n", "free_steps", "is_tested"),
+    [
+        (1, 24_576, False),
+        (1, 32_768, True),
+        (1, 40_960, False),
+        (1, 65_536, True),
+        (9, 32_768, False),
+    ],
+)
+def test_where_one_episode_tells_it_a_policy_is_tested_more_often(
     demonstration, monkeypatch, n, free_steps, is_tested
 ):
     monkeypatch.setattr(watch, "n_different", lambda env: n)

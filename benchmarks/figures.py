@@ -90,18 +90,19 @@ def weights(curves: pd.DataFrame) -> Figure:
 
 
 def minigrid(rows: pd.DataFrame) -> Figure:
-    """The mean return over frames, with bonuses that ask what an episode has seen, and without."""
+    """The mean return over frames: two bonuses that ask what an episode has seen, another, none."""
     runs = rows[rows["algorithm"].isin(BEHIND_DOORS)].rename(columns={"frames": "timesteps"})
     colors = color_labels(runs["algorithm"])
     figure, (axes,) = make_panels(1, len(FRAMES))
+    shown: list[Line] = []
     for ax, env in zip(axes, FRAMES, strict=True):
         lines = lines_of(runs[runs["env"] == env], "return", colors)
         draw_lines(ax, lines, x_unit=1e3)
         ax.set(title=short_name(env), xlabel="frames (thousands)")
+        shown += lines
     axes[0].set_ylabel("mean return of 100 episodes")
-    shown = [Line(name, color, []) for name, color in colors.items()]
     add_title(figure, "Behind MiniGrid's doors", legend_handles(shown))
-    add_note(figure, NOTE.format("5 runs"))
+    add_note(figure, NOTE.format(count_of_runs([len(line.curves) for line in shown])))
     return figure
 
 

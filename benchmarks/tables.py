@@ -63,7 +63,7 @@ def headline() -> str:
         ],
         [
             "The same by Stable-Baselines3's PPO, with a bonus around its environment",
-            f"PPO + APT, weight 1: {_found(ppo, 'PPO + APT')}",
+            f"PPO + APT, at a weight of 1: {_found(ppo, 'PPO + APT')}",
             f"PPO: {_found(ppo, 'PPO')}",
         ],
         speed[:3],
@@ -88,10 +88,10 @@ def robots() -> str:
     return (
         "In ten million steps, and without knowing positions, CuriosityES found a way around the U "
         f"of AntTrap in single episodes of {found('AntTrap')}. In HumanoidTrap it found the way in "
-        f"those of {found('HumanoidTrap')}. From the ant's best episode `robustify` trained "
-        "policies that reach the goal from "
-        f"{hold.in_words(read_rows('hold'), 'AntTrap')}. From the humanoid's best episode it "
-        f"trained one that does so from {hold.in_words(read_rows('hold'), 'HumanoidTrap')}."
+        f"single episodes of {found('HumanoidTrap')}. From the ant's best episode `robustify` "
+        "trained policies that reach the goal from "
+        f"{hold.in_words(read_rows('hold'), 'AntTrap')}. From the humanoid's best episode "
+        f"they do so from {hold.in_words(read_rows('hold'), 'HumanoidTrap')}."
     )
 
 

@@ -14,7 +14,9 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-HANDED_ON = re.compile(r"(?:Further|All)\s+keywords\s+are\s+those\s+of\s+([^.]+?)\.(?=\s|$)")
+HANDED_ON = re.compile(
+    r"(?:Further|All)\s+keywords\s+are\s+those\s+of\s+(?P<who>[^.:]+)(?::(?P<which>[^.]+))?\.(?=\s|$)"
+)
 SECTION = re.compile(r"^Args:\n((?:(?: {4}.*)?(?:\n|$))*)", re.M)
 ENTRY = re.compile(r"^(\w+): ((?:.*(?:\n {4}.*)*))", re.M)
 DEFAULT = re.compile(r"`(\w+)` \((\S+) by default")
@@ -27,7 +29,6 @@ TITLES = {
     "MAPElites": "Of the grid",
     "QualityDiversity": "Of every algorithm with an archive",
     "EvolutionaryAlgorithm": "Of every population algorithm",
-    "RND": "Of RND",
     "NetworkBonus": "Of every bonus",
     "EliteArchive": "Of every archive",
 }
@@ -56,33 +57,46 @@ def rewrite(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: 
 
 
 def groups(cls: type[Any]) -> dict[str, str]:
-    """The entries of each group, by its title; a keyword is in the first that documents it."""
-    sentence = " ".join(HANDED_ON.findall(inspect.getdoc(cls) or ""))
-    defaults = dict(DEFAULT.findall(sentence))
-    listed = set(re.findall(r"`([a-z_]+)`", sentence.partition(":")[2]))
-    parameters, seen, found = inspect.signature(cls).parameters, set(), {}
-    is_open = any(one.kind is one.VAR_KEYWORD for one in parameters.values())
+    """The entries of each group, by its title; a keyword is in the first that documents it.
+
+    What may be given without its name is in the first group, in the order of the signature.
+    """
+    found: dict[str, tuple[str, str]] = {}  # title and entry, by keyword
+    parameters = inspect.signature(cls).parameters
     for source in dict.fromkeys(sources(cls)):
-        entries = []
         there = inspect.signature(source).parameters
         for keyword, text in documented(source):
             one = parameters.get(keyword)
-            is_taken = one is not None or (is_open and (not listed or keyword in listed))
-            if is_taken and keyword not in seen:
-                seen.add(keyword)
-                kind = kind_of(one or there[keyword], defaults.get(keyword))
-                entries.append(indent(f"{keyword} ({kind}): {text}\n", " " * 4))
-        title = OWN if source is cls else TITLES[source.__name__]
-        found[title] = "".join(entries)
-    return {title: entries for title, entries in found.items() if entries}
+            if keyword in found or not (one or is_handed_on(cls, keyword)):
+                continue
+            is_first = source is cls or (one and one.kind is one.POSITIONAL_OR_KEYWORD)
+            title = OWN if is_first else TITLES[source.__name__]
+            kind = kind_of(one or there[keyword], default_of(cls, keyword))
+            found[keyword] = title, indent(f"{keyword} ({kind}): {text}\n", " " * 4)
+    order = [name for name in parameters if name in found]
+    order = [*order, *(name for name in found if name not in order)]
+    written: dict[str, str] = {}
+    for title in dict.fromkeys([OWN, *(title for title, _ in found.values())]):
+        written[title] = "".join(found[name][1] for name in order if found[name][0] == title)
+    return {title: entries for title, entries in written.items() if entries}
 
 
 def sources(cls: type[Any]) -> Iterator[type[Any]]:
     """A class, and those that it hands keywords on to."""
     yield cls
-    for sentence in HANDED_ON.findall(inspect.getdoc(cls) or ""):
-        for name in re.findall(r"`([A-Z]\w+)`", sentence):
+    for sentence in HANDED_ON.finditer(inspect.getdoc(cls) or ""):
+        for name in re.findall(r"`([A-Z]\w+)`", sentence["who"]):
             yield from sources(getattr(sys.modules[cls.__module__], name))
+
+
+def is_handed_on(cls: type[Any], keyword: str) -> bool:
+    """Whether a class takes a keyword that is not in its signature."""
+    if all(one.kind is not one.VAR_KEYWORD for one in inspect.signature(cls).parameters.values()):
+        return False
+    sentence = HANDED_ON.search(inspect.getdoc(cls) or "")
+    assert sentence is not None
+    named = f"`{keyword}`"
+    return named in sentence["which"] if sentence["which"] else named not in sentence["who"]
 
 
 def documented(cls: type[Any]) -> list[tuple[str, str]]:
@@ -92,9 +106,16 @@ def documented(cls: type[Any]) -> list[tuple[str, str]]:
     return ENTRY.findall(re.sub(r"^ {4}", "", lines, flags=re.M))
 
 
+def default_of(cls: type[Any], keyword: str) -> str | None:
+    """The default that the sentence of a class says in place of the other class'."""
+    sentences = HANDED_ON.findall(inspect.getdoc(cls) or "")
+    return dict(DEFAULT.findall(str(sentences))).get(keyword)
+
+
 def kind_of(parameter: inspect.Parameter, default: str | None) -> str:
-    """The type of an argument, and its default if it has one."""
+    """The type of an argument, and its default if it has one, as code."""
     kind = str(parameter.annotation).strip("'")
     if default is None and parameter.default is not parameter.empty:
-        default = repr(parameter.default)
-    return kind if default is None else f"{kind}, default {default}"
+        value = parameter.default
+        default = f"{value.__module__}.{value.__name__}" if isinstance(value, type) else repr(value)
+    return f"``{kind}``" if default is None else f"``{kind}``, default ``{default}``"

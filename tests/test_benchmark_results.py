@@ -191,7 +191,7 @@ def test_the_headline_is_what_the_runs_came_to():
     found = runs[runs["algorithm"] == "CuriosityES"]["first_success_timesteps"].notna()
     mine, ppo, speed = tables.headline().splitlines()[2:]
     assert f"CuriosityES: {found.sum()} of {len(found)} runs" in mine
-    assert re.search(r"PPO \+ APT, weight 1: \d+ of 15 runs.* PPO: \d+ of 15 runs", ppo)
+    assert re.search(r"PPO \+ APT, at a weight of 1: \d+ of 15 runs.* PPO: \d+ of 15 runs", ppo)
     assert re.search(r"M steps/s .* Kheperax.* M steps/s", speed)
 
 
@@ -199,9 +199,10 @@ def test_what_robots_find_is_said_with_how_it_holds():
     runs, starts = results.read_runs("locomotion_long"), results.read_rows(tables.UNSEEN)
     own = [rows[rows["algorithm"] == "CuriosityES"] for rows in (runs, starts)]
     assert not runs["algorithm"].str.contains("unobserved").any()  # runs of an older default
-    ant, humanoid, by_the_ant, _ = re.split(r"\. (?=In|From)", tables.robots())
-    robust = results.read_rows("hold").query("task == 'AntTrap'")["solved"].tolist()
-    assert [int(n) for n in re.findall(r"\d+", by_the_ant)][: len(robust)] == robust
+    ant, humanoid, by_the_ant, by_the_humanoid = re.split(r"\. (?=In|From)", tables.robots())
+    for said, name in ((by_the_ant, "AntTrap"), (by_the_humanoid, "HumanoidTrap")):
+        robust = results.read_rows("hold").set_index("task").loc[[name], "solved"].tolist()
+        assert [int(n) for n in re.findall(r"\d+", said)][: len(robust)] == robust
     for said, name in ((ant, "AntTrap"), (humanoid, "HumanoidTrap")):
         found, solved = (rows[rows["env"].str.contains(name)] for rows in own)
         n_found = found["first_success_timesteps"].notna().sum()

@@ -1,5 +1,6 @@
 """What the documentation promises of its own pages."""
 
+import ast
 import inspect
 import re
 import tomllib
@@ -8,15 +9,30 @@ from pathlib import Path
 
 import pytest
 import yaml
+from gymnasium.spaces import Box
 from latex2mathml.converter import convert
 
 import curiosity_algos
 import curiosity_gym
+from curiosity_algos import RND
+from curiosity_algos.archives.base import EliteArchive
+from curiosity_algos.archives.sparse_grid import SparseGridArchive
+from curiosity_algos.archives.unstructured import UnstructuredArchive
+from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
+from curiosity_algos.curiosity.curiosity import CuriosityKeywords
+from curiosity_algos.state.settings import HasSettings
 from docs.keywords import groups
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 OWN = DOCS / "write_your_own.md"
+ARCHIVES = SparseGridArchive, UnstructuredArchive
+KEYWORDS = {
+    **dict.fromkeys((NetworkBonus, RND), NetworkKeywords.__annotations__),
+    **dict.fromkeys((HasSettings,), CuriosityKeywords.__annotations__),
+    EliteArchive: inspect.signature(EliteArchive).parameters.keys() - {"measure_dim"},
+}
+"""What a class of that base hands on."""
 PAGES = sorted(path for path in (DOCS / "algorithms").glob("*.md") if path.stem != "index")
 
 
@@ -32,32 +48,39 @@ def test_an_algorithms_page_begins_with_all_its_arguments_and_methods():
         assert "   :members:\n   :inherited-members:\n" in first_section
 
 
-HANDS_ON = sorted(
-    name
-    for name in curiosity_algos.__all__
-    if re.search(r"eywords\s+are\s+those", inspect.getdoc(getattr(curiosity_algos, name)) or "")
-)
+HANDS_ON = [
+    cls
+    for cls in (*(getattr(curiosity_algos, name) for name in curiosity_algos.__all__), *ARCHIVES)
+    if re.search(r"eywords\s+are\s+those", inspect.getdoc(cls) or "")
+]
 
 
-@pytest.mark.parametrize("name", HANDS_ON)
-def test_the_page_of_a_class_has_all_its_keywords_with_their_defaults(name):
-    cls = getattr(curiosity_algos, name)
-    found = "".join(groups(cls).values())
+@pytest.mark.parametrize("cls", HANDS_ON)
+def test_the_page_of_a_class_has_all_its_keywords_with_their_defaults(cls):
+    page = groups(cls)
+    found = re.findall(r"^    (\w+) \((.+)\): \S", "".join(page.values()), re.M)
+    names = [name for name, _ in found]
     taken = inspect.signature(cls).parameters.values()
-    named = [one for one in taken if one.kind is not one.VAR_KEYWORD]
-    assert len(named) >= 2
-    for one in named:
-        default = "" if one.default is one.empty else f", default {one.default!r}"
-        assert re.search(rf"^    {one.name} \(.+{re.escape(default)}\): \S", found, re.M), one.name
+    named = {one.name: one for one in taken if one.kind is not one.VAR_KEYWORD}
+    handed_on = named if len(named) == len(taken) else KEYWORDS[cls.__mro__[1]]
+    assert len({*names}) == len(names)
+    assert {*names} == named.keys() | set(handed_on)
+    required = [one.name for one in named.values() if one.kind is one.POSITIONAL_OR_KEYWORD]
+    assert names[: len(required)] == required
+    for name, kind in found:
+        default = named[name].default if name in named else inspect.Parameter.empty
+        assert default is inspect.Parameter.empty or kind.endswith(f", default ``{default!r}``")
 
 
 def test_keywords_that_a_class_hands_on_have_the_defaults_that_are_in_force():
-    assert len(HANDS_ON) >= 18
+    assert len(HANDS_ON) >= 20
     buffer = groups(curiosity_algos.BonusReplayBuffer)["Of the bonus"]
-    assert "weight (float, default 1)" in buffer
-    assert "norm_reward (bool, default False)" in buffer
-    assert "train_interval (int | None, default None)" in buffer
-    assert "learning_rate (float, default 0.001)" in groups(curiosity_algos.NGU)["Of every bonus"]
+    made = curiosity_algos.BonusReplayBuffer(9, Box(-1, 1, (2,)), Box(-1, 1, (1,)))
+    for name in ("weight", "norm_reward", "train_interval", "gamma"):
+        default = re.search(rf"{name} \(.*, default ``(.+)``\)", buffer)[1]
+        assert ast.literal_eval(default) == getattr(made, name)
+    bonus = groups(curiosity_algos.NGU)["Of every bonus"]
+    assert "learning_rate (``float``, default ``0.001``)" in bonus
 
 
 @pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"])

@@ -57,7 +57,8 @@ class GoExplore(EvolutionaryAlgorithm):
     `EvolutionaryAlgorithm`.
 
     Args:
-        env: As there, but no vector environment of others.
+        env: An environment id, a function that makes an environment, a Gymnasium env, or a vector
+            environment of this package.
         behavior: What tells states apart: "learned", features of what is observed, as of `APT`; or
             "cells", those of the environment's `coverage_grid`.
         explorer: "held": random actions, each held for ten steps on average; "linear": a linear

@@ -33,7 +33,8 @@ class MAPElites(QualityDiversity):
     Further keywords are those of `QualityDiversity`.
 
     Args:
-        env: One with a `behavior_space`, bounded unless there is an `archive`.
+        env: An environment id, a function that makes an environment, a Gymnasium env or VectorEnv,
+            or an SB3 VecEnv, with a `behavior_space`, bounded unless there is an `archive`.
         n_cells: Cells along each dimension of the behavior, or a sequence of B such numbers. An
             `archive` has its own.
 

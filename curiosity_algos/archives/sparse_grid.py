@@ -24,7 +24,7 @@ _EPSILON = 1e-6
 class SparseGridArchive(EliteArchive):
     """Keeps the best solution of each cell of a grid; of equals, the first.
 
-    Further keywords are those of every archive, see `EliteArchive`.
+    Further keywords are those of every archive but `measure_dim`, see `EliteArchive`.
 
     Args:
         dims: Cells along each dimension of the behavior.

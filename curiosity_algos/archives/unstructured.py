@@ -28,7 +28,7 @@ class UnstructuredArchive(EliteArchive):
     Measures are below 1e150 in size. Further keywords are those of `EliteArchive`.
 
     Args:
-        measure_dim: See `EliteArchive`.
+        measure_dim: Length of a behavior.
         target_size: Elites held, within 10 % once there are so many.
         k_neighbors: Neighbors that count for `novelty` and `local_competition`; None: `add` tells
             neither.

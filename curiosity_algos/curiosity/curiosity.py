@@ -126,7 +126,8 @@ class Curiosity(HasSettings):
         action_space: One-dimensional Box, or Discrete.
         bonus: "apt", "disagreement", "e3b", "etd", "icm", "ngu", "noveld", "ramp", "rnd", or a
             `Bonus` made for the spaces, which this then trains.
-        bonus_kwargs: Keywords of a bonus that is named, see that.
+        bonus_kwargs: Keywords of a bonus that is named, see that. Some have other defaults here: of
+            "apt" a `power` of 3 and a `horizon` of 10, of "icm" a `learning_rate` of 1e-4.
         weight: Factor of the bonus, at least 0, in units of the task's reward: small enough that a
             rewarded episode is worth more than curiosity.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.

@@ -61,8 +61,8 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
     targets stop at terminations only: the last step of a truncated episode goes on.
 
     Further keywords are those of `Curiosity`: `bonus`, `bonus_kwargs`, `weight` (1 by default),
-    `extrinsic`, `norm_reward` (False by default), `gamma`, `train_interval` (None by default: it
-    trains when `train_bonus` is called), `n_updates` and `batch_size`.
+    `extrinsic`, `norm_reward` (False by default), `gamma`, `train_interval`, `n_updates` and
+    `batch_size`. Without a `train_interval` it trains when `train_bonus` is called.
 
     Args:
         buffer_size: Transitions kept of all environments, the newest: one of each at least.

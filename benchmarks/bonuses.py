@@ -31,7 +31,7 @@ SAMPLED = tuple(name for name, bonus in BONUSES.items() if bonus.episodes is Bon
 """Bonuses that a replay buffer takes: they ask for no episodes."""
 
 
-# As docs/bonuses_sb3.md has them for sparse rewards.
+# As docs/bonuses_sb3.md has it for sparse rewards.
 PPO = RunSpec("PPO", US, 0, 1e6, settings={"n_steps": 64}, n_envs=16, repeat_action=10)
 OFF_POLICY: dict[str, Any] = {
     "learning_starts": 1000,
@@ -54,10 +54,11 @@ PARTS = {
     "num_repeats=1": replace(APT, repeat_action=1),
 }
 """Other settings of the recipe, one at a time."""
-PER_BATCH = replace(APT, timesteps=3e6, bonus_kwargs={})
+KEPT = replace(APT, timesteps=3e6, bonus_kwargs={})
 """With the weight and a budget at which the policy learns to come back to what it has found."""
-KEPT = replace(PER_BATCH, settings=PPO.settings | {"normalize_advantage": False})
-"""A batch without a success is then as weak as its bonus is."""
+OWN_SIZE = replace(KEPT, settings=PPO.settings | {"normalize_advantage": False})
+"""PPO divides the advantages of each batch by their deviation, so that a batch in which nothing but
+the bonus pays changes the policy as much as one with a success; here they keep their size."""
 WEIGHTS = (0.002, 0.02, 0.2, 2.0)
 DRAWN = ("perfect-8x8-seed10", "loops-8x8-seed10", "rooms-4x4-door8-seed10")
 """Mazes drawn at random, on none of which anything was tuned."""
@@ -91,10 +92,10 @@ def in_all(name: str, run: RunSpec) -> dict[str, list[RunSpec]]:
 RUNS: dict[str, list[RunSpec]] = {
     "ppo": runs_of(PPO, MAZES, (None, *BONUSES)),
     **in_all("recipe", KEPT),
-    **in_all("per_batch", PER_BATCH),
+    **in_all("own_size", OWN_SIZE),
     "weights": [
         replace(
-            PER_BATCH,
+            KEPT,
             env=env,
             bonus_kwargs={"weight": weight, "norm_reward": False},
             variant=f"weight={weight:g}",

@@ -163,6 +163,7 @@ TABLES: dict[str, Callable[[], str]] = {
     ),
     "ppo-parts": run_tables.parts,
     "recipe": partial(kept.table, "recipe"),
+    "own-size": partial(kept.table, "own_size"),
     "weights": partial(kept.table, "weights"),
     "minigrid": partial(make_table, read_rows, "minigrid", minigrid.table),
     "parity": partial(make_table, read_rows, "parity", run_tables.counts),

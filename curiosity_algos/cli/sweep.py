@@ -97,7 +97,7 @@ def sweep(
     Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7
 
     Example: curiosity train --algo ppo --bonus apt --n-envs 16 --repeat-action 10 --hyperparams
-    n_steps:64 --hyperparams normalize_advantage:False -n 3e5
+    n_steps:64 -n 3e5
 
     Example: curiosity sweep --algos nses --seeds 0-4 --hyperparams sigma:0.1 --hyperparams
     sigma:0.3

@@ -15,7 +15,8 @@ from typing import Any
 from sphinx.application import Sphinx
 
 HANDED_ON = re.compile(
-    r"(?:Further|All)\s+keywords\s+are\s+those\s+of\s+(?P<who>[^.:]+)(?::(?P<which>[^.]+))?\.(?=\s|$)"
+    r"(?:Further|All)\s+keywords\s+are\s+those\s+of\s+(?P<who>[^.:]+)(?::(?P<which>[^.]+))?"
+    r"\.(?: |(?=\n)|$)"
 )
 SECTION = re.compile(r"^Args:\n((?:(?: {4}.*)?(?:\n|$))*)", re.M)
 ENTRY = re.compile(r"^(\w+): ((?:.*(?:\n {4}.*)*))", re.M)

@@ -21,7 +21,7 @@ from curiosity_algos.archives.unstructured import UnstructuredArchive
 from curiosity_algos.bonuses.base import NetworkBonus, NetworkKeywords
 from curiosity_algos.curiosity.curiosity import CuriosityKeywords
 from curiosity_algos.state.settings import HasSettings
-from docs.keywords import groups
+from docs.keywords import HANDED_ON, groups, rewrite
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -70,6 +70,15 @@ def test_the_page_of_a_class_has_all_its_keywords_with_their_defaults(cls):
     for name, kind in found:
         default = named[name].default if name in named else inspect.Parameter.empty
         assert default is inspect.Parameter.empty or kind.endswith(f", default ``{default!r}``")
+
+
+@pytest.mark.parametrize("cls", HANDS_ON)
+def test_what_else_a_docstring_says_stays_in_its_paragraphs(cls):
+    lines = inspect.getdoc(cls).split("\n")
+    rewrite(None, "class", cls.__name__, cls, None, lines)
+    text = "\n".join(lines)
+    assert not HANDED_ON.search(text)
+    assert not re.search(r"^ {1,3}\S", text, re.M)
 
 
 def test_keywords_that_a_class_hands_on_have_the_defaults_that_are_in_force():

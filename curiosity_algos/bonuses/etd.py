@@ -37,8 +37,8 @@ class ETD(NetworkBonus):
     takes T^2 / 2 distances. The steps between two states are log-uniform, where the paper has them
     geometric with a mean of 100.
 
-    Further keywords are those of every bonus of networks, see `NetworkBonus`. Of these,
-    `n_features` is the length of `f` and that of `g`.
+    `n_features` is the length of `f` and that of `g`. Further keywords are those of every bonus of
+    networks, see `NetworkBonus`.
 
     Args:
         horizon: Steps between the two states of a transition that it learns from, at most, as of

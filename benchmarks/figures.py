@@ -46,10 +46,15 @@ NOTE = "Thick: interquartile mean of {}; shaded: its 95 % interval; thin: each."
 
 
 def show(
-    curves: pd.DataFrame, title: str, rows: Mapping[str, tuple[str, float]] = ROWS, note: str = NOTE
+    curves: pd.DataFrame,
+    title: str,
+    rows: Mapping[str, tuple[str, float]] = ROWS,
+    note: str = NOTE,
+    *,
+    time: tuple[str, float] = ("timesteps (millions)", 1e6),
 ) -> Figure:
     """A row for each measure, a column for each environment; of a single one side by side."""
-    envs = sorted(set(curves["env"]), key=ENVIRONMENTS.index)
+    envs = sorted(set(curves["env"]), key=[*ENVIRONMENTS, *FRAMES].index)
     if len(envs) > 1:
         figure, axes = make_panels(len(rows), len(envs))
     else:
@@ -60,8 +65,8 @@ def show(
     for row, (name, (label, unit)) in zip(axes, rows.items(), strict=True):
         for ax, env in zip(row, envs, strict=True):
             lines = lines_of(curves[curves["env"] == env], name, colors)
-            draw_lines(ax, lines, x_unit=1e6, y_unit=unit)
-            ax.set(title=short_name(env), xlabel="timesteps (millions)")
+            draw_lines(ax, lines, x_unit=time[1], y_unit=unit)
+            ax.set(title=short_name(env), xlabel=time[0])
             shown += lines
         row[0].set_ylabel(label)
     add_title(figure, title, legend_handles(shown))
@@ -92,18 +97,8 @@ def weights(curves: pd.DataFrame) -> Figure:
 def minigrid(rows: pd.DataFrame) -> Figure:
     """The mean return over frames: two bonuses that ask what an episode has seen, another, none."""
     runs = rows[rows["algorithm"].isin(BEHIND_DOORS)].rename(columns={"frames": "timesteps"})
-    colors = color_labels(runs["algorithm"])
-    figure, (axes,) = make_panels(1, len(FRAMES))
-    shown: list[Line] = []
-    for ax, env in zip(axes, FRAMES, strict=True):
-        lines = lines_of(runs[runs["env"] == env], "return", colors)
-        draw_lines(ax, lines, x_unit=1e3)
-        ax.set(title=short_name(env), xlabel="frames (thousands)")
-        shown += lines
-    axes[0].set_ylabel("mean return of 100 episodes")
-    add_title(figure, "Behind MiniGrid's doors", legend_handles(shown))
-    add_note(figure, NOTE.format(count_of_runs([len(line.curves) for line in shown])))
-    return figure
+    returns = {"return": ("mean return of 100 episodes", 1.0)}
+    return show(runs, "Behind MiniGrid's doors", returns, time=("frames (thousands)", 1e3))
 
 
 def random_mazes() -> Figure:

@@ -109,8 +109,7 @@ def documented(cls: type[Any]) -> list[tuple[str, str]]:
 
 def default_of(cls: type[Any], keyword: str) -> str | None:
     """The default that the sentence of a class says in place of the other class'."""
-    sentences = HANDED_ON.findall(inspect.getdoc(cls) or "")
-    return dict(DEFAULT.findall(str(sentences))).get(keyword)
+    return dict(DEFAULT.findall(inspect.getdoc(cls) or "")).get(keyword)
 
 
 def kind_of(parameter: inspect.Parameter, default: str | None) -> str:

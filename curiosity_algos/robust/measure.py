@@ -15,8 +15,9 @@ from scipy.stats import binomtest
 
 from curiosity_algos.common.arrays import Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.robust.demonstrations import actor, demonstrate
+from curiosity_algos.robust.demonstrations import actor, demonstrate, follow
 from curiosity_algos.sb3.gymnasium_vec_env import native_batch
+from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_at_least_one, check_seed
 
@@ -76,20 +77,10 @@ def is_drawn(env: gym.Env[Any, Any]) -> bool:
     """Whether episodes of the same actions differ by the seeds of their resets."""
     actions = copy.deepcopy(env.action_space)
     actions.seed(UNSEEN)
-    taken = [actions.sample() for _ in range(N_COMPARED)]
-    one, other = (_observed(env, UNSEEN + i, taken) for i in range(2))
+    taken = np.array([actions.sample() for _ in range(N_COMPARED)])
+    recorded = RecordEpisode(env)
+    one, other = (follow(recorded, UNSEEN + i, taken).observations for i in range(2))
     return not data_equivalence(one, other)
-
-
-def _observed(env: gym.Env[Any, Any], seed: int, actions: list[Any]) -> list[Any]:
-    """What is observed from a reset on, while these actions are taken or until the episode ends."""
-    observations = [copy.deepcopy(env.reset(seed=seed)[0])]
-    for action in actions:
-        observation, _, terminated, truncated, _ = env.step(action)
-        observations.append(copy.deepcopy(observation))
-        if terminated or truncated:
-            break
-    return observations
 
 
 def n_different(env: gym.Env[Any, Any]) -> int:

@@ -20,6 +20,7 @@ HANDED_ON = re.compile(
 )
 SECTION = re.compile(r"^Args:\n((?:(?: {4}.*)?(?:\n|$))*)", re.M)
 ENTRY = re.compile(r"^(\w+): ((?:.*(?:\n {4}.*)*))", re.M)
+SB3_ENTRY = re.compile(r"^:param (\w+):", re.M)
 DEFAULT = re.compile(r"`(\w+)` \((\S+) by default")
 OWN = "Arguments"
 TITLES = {
@@ -32,6 +33,7 @@ TITLES = {
     "EvolutionaryAlgorithm": "Of every population algorithm",
     "NetworkBonus": "Of every bonus",
     "EliteArchive": "Of every archive",
+    "TD3": "Of Stable-Baselines3's TD3",
 }
 """Of the keywords of a class, on the pages of those that hand keywords on to it."""
 SECTIONS = [(title, "params_style") for title in (OWN, *TITLES.values())]
@@ -102,9 +104,11 @@ def is_handed_on(cls: type[Any], keyword: str) -> bool:
 
 def documented(cls: type[Any]) -> list[tuple[str, str]]:
     """The arguments in the docstring of a class, and what it says of them."""
-    section = SECTION.search(inspect.getdoc(cls) or "")
-    lines = "" if section is None else section[1]
-    return ENTRY.findall(re.sub(r"^ {4}", "", lines, flags=re.M))
+    doc = inspect.getdoc(cls) or ""
+    section = SECTION.search(doc)
+    if section is None:
+        return [(name, "As in Stable-Baselines3.") for name in SB3_ENTRY.findall(doc)]
+    return ENTRY.findall(re.sub(r"^ {4}", "", section[1], flags=re.M))
 
 
 def default_of(cls: type[Any], keyword: str) -> str | None:
@@ -114,7 +118,7 @@ def default_of(cls: type[Any], keyword: str) -> str | None:
 
 def kind_of(parameter: inspect.Parameter, default: str | None) -> str:
     """The type of an argument, and its default if it has one, as code."""
-    kind = str(parameter.annotation).strip("'")
+    kind = inspect.formatannotation(parameter.annotation).strip("'")
     if default is None and parameter.default is not parameter.empty:
         value = parameter.default
         default = f"{value.__module__}.{value.__name__}" if isinstance(value, type) else repr(value)

@@ -66,7 +66,7 @@ class TD3ICM(HasSettings, TD3):
         policy_kwargs: As in SB3; `net_arch` is 32, 32 unless it is among them, and Adam is fused
             unless another optimizer, or keywords of it, are.
 
-    All other arguments are those of TD3.
+    Further keywords are those of `TD3`.
 
     Attributes:
         exploration: The `ExplorationCallback` that observes the episodes since the model was made

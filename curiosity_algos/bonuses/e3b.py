@@ -20,7 +20,7 @@ from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int
 from curiosity_algos.common.randomness import torch_generator
 from curiosity_algos.state.check import check_like
 from curiosity_gym.compiled import compiled
-from curiosity_gym.validation import check_positive
+from curiosity_gym.validation import check_bool, check_positive
 
 
 class E3B(NetworkBonus):
@@ -32,11 +32,17 @@ class E3B(NetworkBonus):
     `phi` are those of an inverse model, which tells the action between two states from them: what
     actions do not change is left out.
 
+    Nothing bounds these features. Of MiniGrid's tiles their squares come to 10,000, and the first
+    step of an episode is then worth 10,000 times as much as most others. With `log` the bonus is
+    `log(1 + phi(s')^T C^-1 phi(s'))`: as much as the step adds to the logarithm of the determinant
+    of C, and so the volume of what the episode has seen.
+
     Further keywords are those of every bonus of networks, see `NetworkBonus`.
 
     Args:
         ridge: lambda, above 0: what is nothing like the episode so far has a bonus of its features'
             square over it.
+        log: Whether the bonus is the logarithm of 1 + the paper's.
     """
 
     name = "e3b"
@@ -47,11 +53,14 @@ class E3B(NetworkBonus):
         action_space: spaces.Space[Any],
         *,
         ridge: float = 0.1,
+        log: bool = False,
         **kwargs: Unpack[NetworkKeywords],
     ) -> None:
         check_positive(ridge=ridge)
+        check_bool(log=log)
         super().__init__(observation_space, action_space, **kwargs)
         self.ridge = ridge
+        self.log = log
         sizes, generator = (self.hidden, self.n_features), torch_generator(self.seed)
         self.encoder = InverseFeatures(observation_space, action_space, sizes, generator=generator)
         self._begin()
@@ -99,6 +108,8 @@ class Ellipsoids:
         product = np.empty(features.shape[2])
         for i, each, score in zip(episodes, features, scores, strict=True):
             visit(self._inverses[i], each, product, score)
+        if self._bonus.log:
+            np.log1p(scores, out=scores)
         return scores.astype(np.float32)
 
     def end(self, dones: Mask) -> None:

@@ -30,10 +30,12 @@ BONUSES: dict[str, Callable[..., Bonus]] = {
 }
 FOR_ONE_POLICY: dict[str, dict[str, Any]] = {
     "apt": {"horizon": 10, "power": 3.0},
+    "e3b": {"log": True},
     "icm": {"learning_rate": 1e-4},
 }
-"""Keywords where a single policy learns from a bonus: a faster ICM would outrun it, and what is
-rare must stand out for a gradient to lead there."""
+"""Keywords where a single policy learns from a bonus: a faster ICM would outrun it, what is rare
+must stand out for a gradient to lead there, and beside the first step of an episode no other would
+count in E3B's."""
 
 
 def check_bonus_choice(bonus: str | Bonus, bonus_kwargs: Mapping[str, Any]) -> None:

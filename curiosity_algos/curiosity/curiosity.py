@@ -127,7 +127,8 @@ class Curiosity(HasSettings):
         bonus: "apt", "disagreement", "e3b", "etd", "icm", "ngu", "noveld", "ramp", "rnd", or a
             `Bonus` made for the spaces, which this then trains.
         bonus_kwargs: Keywords of a bonus that is named, see that. Some have other defaults here: of
-            "apt" a `power` of 3 and a `horizon` of 10, of "icm" a `learning_rate` of 1e-4.
+            "apt" a `power` of 3 and a `horizon` of 10, of "e3b" `log`, of "icm" a `learning_rate`
+            of 1e-4.
         weight: Factor of the bonus, at least 0, in units of the task's reward: small enough that a
             rewarded episode is worth more than curiosity.
         extrinsic: Whether the reward of the task counts; False: curiosity alone.
@@ -142,9 +143,8 @@ class Curiosity(HasSettings):
         n_updates: Gradient steps a training.
         batch_size: Transitions a gradient step.
         n_envs: Environments side by side, each with a discounted sum.
-        for_one_policy: Whether a single policy learns from it: the `learning_rate` of an ICM is
-            then 1e-4 unless it is among `bonus_kwargs`, and APT's `power` is 3 and its `horizon`
-            10.
+        for_one_policy: Whether a single policy learns from it: bonuses have other defaults then,
+            see `bonus_kwargs`.
         seed: Of the networks.
         device: As in Stable-Baselines3.
 

@@ -33,6 +33,16 @@ def test_it_is_the_papers_formula(seed, n, ridge):
     np.testing.assert_allclose(scores, expected, rtol=1e-4, atol=1e-7)
 
 
+@given(st.integers(0, 1000), st.integers(1, 40), st.sampled_from([0.01, 0.1, 3.0]))
+def test_its_logarithm_is_what_a_step_adds_to_the_volume(seed, n, ridge):
+    e3b, observations = make_e3b(ridge=ridge, log=True), make_observations(n + 1, seed)
+    features = e3b.features(observations)
+    covariances = [ridge * np.eye(4) + features[:t].T @ features[:t] for t in range(1, n + 2)]
+    scores = e3b.score_trajectory(observations, np.zeros(n, dtype=np.int64))
+    volumes = np.linalg.slogdet(covariances).logabsdet
+    np.testing.assert_allclose(scores, np.diff(volumes), rtol=1e-4, atol=1e-6)
+
+
 def test_the_same_again_is_worth_one_less_a_step():
     observations = np.repeat(make_observations(1), 30, axis=0)
     e3b = make_e3b()

@@ -91,6 +91,7 @@ def test_an_object_gives_each_transition_one_score():
         ("icm", "beta", 1.1),
         ("disagreement", "n_models", 1),
         ("e3b", "ridge", 0.0),
+        ("e3b", "log", 1),
         ("etd", "horizon", 0),
         ("icm", "hidden", 1.5),
         ("icm", "device", "nope"),

@@ -247,6 +247,10 @@ class TestForOnePolicy:
             bonus = payer.make(bonus="icm", bonus_kwargs=given).bonus
             assert bonus.optimizer.param_groups[0]["lr"] == expected
 
+    def test_the_first_step_of_an_episode_does_not_outweigh_all_others(self):
+        for given, expected in [({}, True), ({"log": False}, False)]:
+            assert HOSTS["wrapper"].make(bonus="e3b", bonus_kwargs=given).bonus.log is expected
+
     def test_changes_are_in_the_file(self, payer, tmp_path):
         changes = {"weight": 0.0, "extrinsic": False, "train_interval": 4, "gamma": 0.5}
         changes |= {"n_updates": 3, "batch_size": 5, "norm_reward": not payer.make().norm_reward}

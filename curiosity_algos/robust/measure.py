@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import warnings
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -101,17 +102,32 @@ def evaluate_starts(
 
     Raises:
         ValueError: If an argument is out of its range.
+
+    Warns:
+        UserWarning: If several episodes were asked for, and all seem to be the same.
     """
     check_at_least_one(n=n)
     check_seed(seed)
     opened = gym.make(env) if isinstance(env, str) else env
     closed = closing(opened) if isinstance(env, str) else nullcontext()
     with closed, single_torch_thread():  # small networks are slower on several
-        if (envs := native_batch(opened.spec, n, AutoresetMode.NEXT_STEP)) is not None:
-            with closing(envs):
-                return _play_batch(model, envs, seed)
-        played = (demonstrate(model, opened, seed + i) for i in range(n))
-        success, totals = zip(*((each.success, each.total) for each in played), strict=True)
+        starts = _play(model, opened, n, seed)
+        if n > 1 and np.ptp(starts.returns) == 0.0 and not is_drawn(opened):
+            warnings.warn(
+                f"`env` seems to have one start: the {n} episodes gave the same return, and so did "
+                f"{N_COMPARED} random steps from two of the starts. `start_radius` gives a "
+                "CuriosityMaze others.",
+                stacklevel=2,
+            )
+    return starts
+
+
+def _play(model: Any, env: gym.Env[Any, Any], n: int, seed: int) -> Starts:
+    if (envs := native_batch(env.spec, n, AutoresetMode.NEXT_STEP)) is not None:
+        with closing(envs):
+            return _play_batch(model, envs, seed)
+    played = (demonstrate(model, env, seed + i) for i in range(n))
+    success, totals = zip(*((each.success, each.total) for each in played), strict=True)
     return Starts(np.array(success), np.array(totals))
 
 

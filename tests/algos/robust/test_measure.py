@@ -47,6 +47,16 @@ class Shake:
         return np.sign(np.sin(1e3 * observation[..., :2])).astype(np.float32), None
 
 
+def test_starts_that_are_all_the_same_are_said_to_be(recwarn):
+    short = {"horizon": 40}
+    assert np.ptp(evaluate_starts(Right(0.0), Walk(), 3).returns) == 0.0  # of different starts
+    evaluate_starts(Shake(), gym.make("CuriosityMaze-Hard-v0", start_radius=20.0, **short), 3)
+    evaluate_starts(Shake(), gym.make("CuriosityMaze-Hard-v0", **short), 1)
+    assert not recwarn
+    with pytest.warns(UserWarning, match=r"`env` seems to have one start: the 3 episodes"):
+        evaluate_starts(Shake(), gym.make("CuriosityMaze-Hard-v0", **short), 3)
+
+
 def test_a_batch_counts_as_single_environments_do():
     env = gym.make("CuriosityControl-BallInCup-v0", random_start=True, horizon=150)
     twin = BehaviorWrapper(env, lambda env, observation, info: observation[:1], Box(-9, 9, (1,)))

@@ -137,10 +137,12 @@ def comparison(runs: pd.DataFrame) -> str:
 
 def every_seed(runs: pd.DataFrame) -> str:
     """A row for each algorithm and environment, whose values are those of the seeds, in order."""
-    shares = [name for name in runs if name.startswith("coverage.")]
+    # Where the reachable cells are known, the share of all cells says nothing more.
+    known = "coverage.reachable" in runs and runs["coverage.reachable"].notna().all()
+    left_out = {"coverage.all"} if known else set()
+    shares = [name for name in runs if name.startswith("coverage.") and name not in left_out]
     columns = [
-        "Algorithm",
-        "Environment",
+        "Environment: algorithm",
         "First reward (M steps)",
         "Best return",
         *(f"Coverage, {name.removeprefix('coverage.')} (%)" for name in shares),
@@ -158,7 +160,8 @@ def _row(algorithm: str, env: str, group: pd.DataFrame, shares: list[str]) -> li
         *([short(100 * share) for share in group[name].dropna()] for name in shares),
     ]
     seconds = f"{group['seconds'].median():.0f}"
-    return [algorithm, short_name(env), *(" / ".join(column) for column in columns), seconds]
+    run = f"{short_name(env)}: {algorithm}"
+    return [run, *(" / ".join(column) for column in columns), seconds]
 
 
 def tries(values: pd.DataFrame) -> str:

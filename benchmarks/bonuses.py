@@ -59,6 +59,8 @@ KEPT = replace(APT, timesteps=3e6, bonus_kwargs={})
 OWN_SIZE = replace(KEPT, settings=PPO.settings | {"normalize_advantage": False})
 """PPO divides the advantages of each batch by their deviation, so that a batch in which nothing but
 the bonus pays changes the policy as much as one with a success; here they keep their size."""
+RECIPE = replace(KEPT, settle=6e4)
+"""As docs/bonuses_sb3.md has it: with steps that shrink while half of the episodes succeed."""
 WEIGHTS = (0.002, 0.02, 0.2, 2.0)
 DRAWN = ("perfect-8x8-seed10", "loops-8x8-seed10", "rooms-4x4-door8-seed10")
 """Mazes drawn at random, on none of which anything was tuned."""
@@ -68,9 +70,10 @@ ANT_APT = replace(ANT, bonus="apt", bonus_kwargs=FINDS | {"horizon": 100, "power
 
 
 def runs_of(run: RunSpec, envs: Iterable[str], bonuses: Iterable[str | None]) -> list[RunSpec]:
-    """A run in each environment with each bonus."""
+    """A run in each environment with each bonus, of E3B the paper's."""
+    own: dict[str | None, dict[str, Any]] = {None: {}, "e3b": {**FINDS, "log": False}}
     return [
-        replace(run, env=env, bonus=bonus, bonus_kwargs=FINDS if bonus else {})
+        replace(run, env=env, bonus=bonus, bonus_kwargs=own.get(bonus, FINDS))
         for env, bonus in product(envs, bonuses)
     ]
 
@@ -91,7 +94,8 @@ def in_all(name: str, run: RunSpec) -> dict[str, list[RunSpec]]:
 
 RUNS: dict[str, list[RunSpec]] = {
     "ppo": runs_of(PPO, MAZES, (None, *BONUSES)),
-    **in_all("recipe", KEPT),
+    **in_all("recipe", RECIPE),
+    **in_all("constant", KEPT),
     **in_all("own_size", OWN_SIZE),
     "weights": [
         replace(

@@ -229,15 +229,5 @@ def table(values: pd.DataFrame) -> str:
     return markdown(["Task, steps of the search, of so many starts", *FORMATS], rows)
 
 
-def in_words(values: pd.DataFrame, task: str) -> str:
-    """The starts that policies of `robustify` solve in a task, and the steps of their training."""
-    runs = values[values["task"] == task]
-    (n_starts,) = runs["starts"].unique()
-    *solved, last = runs["solved"].map(str)
-    share = " and ".join([", ".join(solved), last] if solved else [last])
-    steps = sorted({f"{n / 1e6:.1f}" for n in (runs["timesteps"].min(), runs["timesteps"].max())})
-    return f"{share} of {n_starts} other starts, by {' to '.join(steps)} M steps more"
-
-
 if __name__ == "__main__":
     app()

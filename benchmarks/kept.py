@@ -106,7 +106,7 @@ def table(name: str) -> str:
         for (env, algorithm), group in runs.groupby(["env", "algorithm"])
     ]
     times = ["First reward (M steps)", "90 of the last 100"]
-    heads = [*times, f"Of {n_episodes} episodes, drawn actions", "best actions"]
+    heads = [*times, f"Successes in {n_episodes} episodes, stochastic", "deterministic"]
     return markdown(["Task", *heads], rows)
 
 

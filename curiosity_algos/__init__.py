@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from curiosity_algos.sb3.callbacks import FinalBehaviors as FinalBehaviors
     from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv as GymnasiumVecEnv
     from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer as BonusReplayBuffer
+    from curiosity_algos.sb3.settle import SettleCallback as SettleCallback
 
 _MODULES = {
     "APT": "bonuses.apt",
@@ -79,6 +80,7 @@ _MODULES = {
     "MAPElites": "algorithms.map_elites",
     "NovelD": "bonuses.noveld",
     "Rollouts": "evaluation.rollouts",
+    "SettleCallback": "sb3.settle",
     "SmallCNN": "bonuses.encoders",
     "Starts": "robust.measure",
     "evaluate_starts": "robust.measure",

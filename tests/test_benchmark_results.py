@@ -189,9 +189,15 @@ def test_a_long_curve_is_thinned_to_points_equally_far_apart(monkeypatch):
 def test_the_headline_is_what_the_runs_came_to():
     runs = results.read_runs("mazes")
     found = runs[runs["algorithm"] == "CuriosityES"]["first_success_timesteps"].notna()
-    mine, ppo, speed = tables.headline().splitlines()[2:]
+    mine, ppo, kept, speed = tables.headline().splitlines()[2:]
     assert f"CuriosityES: {found.sum()} of {len(found)} runs" in mine
     assert re.search(r"PPO \+ APT, at a weight of 1: \d+ of 15 runs.* PPO: \d+ of 15 runs", ppo)
+    for name, said in zip(
+        ("recipe", "constant"), re.findall(r"(\d+) of (\d+) runs", kept), strict=True
+    ):
+        rows = results.read_rows(f"{name}_kept")
+        solved = rows[rows["env"].isin(learning.MAZES)]["drawn"] >= 95
+        assert [int(n) for n in said] == [solved.sum(), len(solved)]
     assert re.search(r"M steps/s .* Kheperax.* M steps/s", speed)
 
 
@@ -199,15 +205,13 @@ def test_what_robots_find_is_said_with_how_it_holds():
     runs, starts = results.read_runs("locomotion_long"), results.read_rows(tables.UNSEEN)
     own = [rows[rows["algorithm"] == "CuriosityES"] for rows in (runs, starts)]
     assert not runs["algorithm"].str.contains("unobserved").any()  # runs of an older default
-    ant, humanoid, by_the_ant, by_the_humanoid = re.split(r"\. (?=In|From)", tables.robots())
-    for said, name in ((by_the_ant, "AntTrap"), (by_the_humanoid, "HumanoidTrap")):
-        robust = results.read_rows("hold").set_index("task").loc[[name], "solved"].tolist()
-        assert [int(n) for n in re.findall(r"\d+", said)][: len(robust)] == robust
-    for said, name in ((ant, "AntTrap"), (humanoid, "HumanoidTrap")):
+    for row in tables.robots().splitlines()[2:]:
+        name, said, best, robust, _ = row.strip("| ").split(" | ")
         found, solved = (rows[rows["env"].str.contains(name)] for rows in own)
-        n_found = found["first_success_timesteps"].notna().sum()
-        assert f"of {n_found} of {len(found)} runs; the best policies" in said
-        assert [int(n) for n in re.findall(r"\d+", said)][3:-1] == solved["solved"].tolist()
+        assert said == f"{found['first_success_timesteps'].notna().sum()} of {len(found)}"
+        assert [int(n) for n in re.findall(r"\d+", best)] == [*solved["solved"], 100]
+        of_robustify = results.read_rows("hold").set_index("task").loc[[name], "solved"]
+        assert [int(n) for n in re.findall(r"\d+", robust)] == [*of_robustify, 100]
     for page in ("README.md", "docs/results/robots.md"):
         assert tables.robots() in (tables.ROOT / page).read_text()
 

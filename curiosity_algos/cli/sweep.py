@@ -77,6 +77,14 @@ def sweep(
         int,
         Option(help="Steps for which an action is repeated. Timesteps then count actions."),
     ] = 1,
+    settle: Annotated[
+        float | None,
+        Option(
+            help="Timesteps in which the learning rate of an algorithm of Stable-Baselines3's own "
+            "shrinks to 1 / e while at least half of its episodes succeed, where rewards are "
+            "sparse. Without it, the rate stays."
+        ),
+    ] = None,
     preset: Annotated[
         str | None,
         Option(help="Settings to begin with, paper or tuned. Without it, the defaults."),
@@ -97,7 +105,7 @@ def sweep(
     Example: curiosity train --algo curiosity_es --env CuriosityMaze-Hard-v0 -n 1e7
 
     Example: curiosity train --algo ppo --bonus apt --n-envs 16 --repeat-action 10 --hyperparams
-    n_steps:64 -n 3e5
+    n_steps:64 --settle 6e4 -n 3e5
 
     Example: curiosity sweep --algos nses --seeds 0-4 --hyperparams sigma:0.1 --hyperparams
     sigma:0.3
@@ -123,6 +131,7 @@ def sweep(
         wrappers=[options.wrapping(text) for text in wrapper or []],
         n_envs=n_envs,
         repeat_action=repeat_action,
+        settle=settle,
     )
     if len(runs) > 1 or jobs is not None:
         options.check_all(runs)

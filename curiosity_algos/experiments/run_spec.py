@@ -32,7 +32,7 @@ from curiosity_algos.experiments.baselines import (
 )
 from curiosity_algos.experiments.description import MAY_DIFFER
 from curiosity_algos.sb3.gymnasium_vec_env import open_batch
-from curiosity_gym.validation import check_at_least_one
+from curiosity_gym.validation import check_at_least_one, check_positive
 
 Wrapping: TypeAlias = tuple[str, Mapping[str, Any]]
 """`module:Class` of a wrapper, and its keywords."""
@@ -99,6 +99,8 @@ class RunSpec:
         n_envs: Environments side by side, for Stable-Baselines3's algorithms.
         repeat_action: Steps that an action is taken for; timesteps then count actions.
         wrappers: `module:Class` of the environment's wrappers, and their keywords, innermost first.
+        settle: Timesteps of a `SettleCallback`, for Stable-Baselines3's algorithms; None: there is
+            no such callback.
     """
 
     algorithm: str
@@ -113,6 +115,7 @@ class RunSpec:
     n_envs: int = 1
     repeat_action: int = 1
     wrappers: Sequence[Wrapping] = ()
+    settle: float | None = None
 
     def folder(self, parent: str | os.PathLike[str]) -> Path:
         """The place of its files: a folder for the algorithm, the environment and the seed."""
@@ -147,6 +150,8 @@ class RunSpec:
             stack.callback(venv.close)
             try:
                 model = self._make_model(venv)
+                if self.settle is not None:
+                    vars(model)["settle"] = self.settle  # as the callback does
             except (AssertionError, AttributeError, RuntimeError, TypeError) as error:
                 # Of classes that take what they are given.
                 message = f"`env` and `hyperparams` must fit {cls.__name__}: {error}"
@@ -164,6 +169,13 @@ class RunSpec:
                 f"`n_envs` must be 1 for {cls.__name__}: several are for algorithms of "
                 "Stable-Baselines3's own."
             )
+        if self.settle is not None:
+            if not is_baseline(cls):
+                raise ValueError(
+                    f"`settle` must be left out for {cls.__name__}: it is for algorithms of "
+                    "Stable-Baselines3's own."
+                )
+            check_positive(settle=self.settle)
         for entry, kwargs in self.wrappers:
             check_wrapping(entry, kwargs)
         known = [name for name in inspect.signature(cls).parameters if name[0] != "_"]

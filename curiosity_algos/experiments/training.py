@@ -22,6 +22,7 @@ from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.save_run import SaveRun
 from curiosity_algos.robust.measure import evaluate_starts, in_words, is_drawn
 from curiosity_algos.robust.solve import Enough
+from curiosity_algos.sb3.settle import SettleCallback
 
 
 def is_finished(run: RunSpec, folder: Path) -> bool:
@@ -79,7 +80,9 @@ def train(
         RunFolder(folder).lock().release()  # raises where another process trains
         with _traceback_kept(folder), closing(save):
             rest = max(0, int(run.timesteps) - model.num_timesteps)
-            callbacks: list[BaseCallback] = [save, *([] if enough is None else [enough])]
+            # What a checkpoint is to hold is changed before it is saved.
+            settles = [] if run.settle is None else [SettleCallback(run.settle)]
+            callbacks: list[BaseCallback] = [*settles, save, *([] if enough is None else [enough])]
             _learn(model, save, callbacks, rest, progress_bar=progress_bar)
             _measure_starts(model, run, RunFolder(folder))
     return True

@@ -11,11 +11,11 @@ import gymnasium as gym
 import numpy as np
 import torch as th
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
-from stable_baselines3.common.utils import FloatSchedule
 
 from curiosity_algos.robust.imitation import Standardized
 from curiosity_algos.robust.measure import N_STARTS, evaluate_starts, n_different
 from curiosity_algos.robust.starts import DemonstrationStarts
+from curiosity_algos.sb3.settle import SMALLEST_CLIP, SMALLEST_LOG_STD, set_steps
 
 SETTINGS: dict[str, Any] = {
     "n_steps": 256,
@@ -28,9 +28,8 @@ SETTINGS: dict[str, Any] = {
 SHRINKING = 1_200_000
 """Timesteps in which steps shrink by 1 / e, once half of fresh episodes succeed: a constant rate
 forgets, and one that shrinks before learns no more."""
-SMALLEST_CLIP = 0.05
-LOG_STD, SMALLEST_LOG_STD = -0.5, -3.0
-"""Of actions' draws, which shrink as steps do: their most, and its least."""
+LOG_STD = -0.5
+"""Most of actions' draws, which shrink as steps do."""
 TEST_INTERVAL, SHORT_INTERVAL = 250_000, 30_000
 """Timesteps between two tests of whether the policy works by now; where one episode tells it."""
 NEARLY = 0.5
@@ -76,9 +75,7 @@ class Watch(BaseCallback):
     def _shrink(self) -> None:
         share = math.exp(-self.starts.good_steps / SHRINKING)
         clip = SMALLEST_CLIP + (SETTINGS["clip_range"] - SMALLEST_CLIP) * share
-        learner: Any = self.model
-        learner.lr_schedule = FloatSchedule(SETTINGS["learning_rate"] * share)
-        learner.clip_range = FloatSchedule(clip)
+        set_steps(self.model, SETTINGS["learning_rate"] * share, clip)
         deviation = getattr(self.model.policy, "log_std", None)
         if isinstance(deviation, th.Tensor) and self.starts.good_steps:
             log_std = LOG_STD - self.starts.good_steps / SHRINKING

@@ -407,7 +407,7 @@ def test_every_option_reaches_the_run(run_here, monkeypatch):
     monkeypatch.setattr(training, "train", lambda *args, **_: trained.append(args))
     words = "--algo ppo --env CartPole-v1 --seed 3 -n 5e3 -f mine --env-kwargs a:[1,None]"
     words += " --hyperparams n_steps:64 --bonus APT --bonus-kwargs weight:.5 --n-envs 2"
-    words += " --repeat-action 3 --preset paper --device cpu"
+    words += " --repeat-action 3 --settle 6e4 --preset paper --device cpu"
     words += " --wrapper gymnasium.wrappers.TimeLimit:max_episode_steps=7"
     assert run_here("train", *words.split())[0] == 0
     ((run, folder),) = trained
@@ -420,4 +420,5 @@ def test_every_option_reaches_the_run(run_here, monkeypatch):
         n_envs=2,
         repeat_action=3,
         wrappers=[("gymnasium.wrappers:TimeLimit", {"max_episode_steps": 7})],
+        settle=6e4,
     )

@@ -32,9 +32,9 @@ LEARNS = {"A2C": {}, "PPO": {"batch_size": 30, "n_epochs": 1}, "TRPO": {"batch_s
 NAMES = (*STABLE_BASELINES, *CONTRIB)
 
 
-def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, **others):
-    """A run of a few seconds at most."""
-    settings = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu"}
+def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, window=100, **others):
+    """A run of a few seconds at most; its statistics are of the last `window` episodes."""
+    settings = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu", "stats_window_size": window}
     if name in LEARNS:
         settings |= {"n_steps": 30} | LEARNS[name]
     else:
@@ -129,6 +129,7 @@ EXACT = {
     ),
     "PPO in Ant": small("PPO", env="Ant-v5", bonus="apt", bonus_kwargs=TRAINED_OFTEN),
     "SAC in Ant": small("SAC", env="Ant-v5", bonus="icm", bonus_kwargs=TRAINED_OFTEN),
+    "PPO that settles": small("PPO", env="CartPole-v1", window=1, settle=100.0),
     "PPO that holds": small("PPO", bonus="rnd", repeat_action=3, bonus_kwargs=TRAINED_OFTEN),
 }
 
@@ -150,6 +151,16 @@ def test_a_run_that_was_cut_goes_on_as_if_it_had_not(kind, tmp_path, monkeypatch
     assert_same(load_final_states(killed), load_final_states(whole))
     one, other = parameters(killed), parameters(whole)
     assert all(th.equal(one[name], other[name]) for name in other)
+
+
+def test_settling_is_part_of_a_run(tmp_path):
+    settles = small("PPO", settle=100.0)
+    train(settles, tmp_path)
+    assert RunFolder(tmp_path).describe()["settings"]["settle"] == 100.0
+    for other in (None, 200.0):
+        with pytest.raises(ValueError, match="settle"):
+            train(replace(settles, settle=other, timesteps=240), tmp_path)
+    assert train(replace(settles, timesteps=240), tmp_path)
 
 
 @pytest.mark.parametrize("name", ["SAC", "TD3ICM"])

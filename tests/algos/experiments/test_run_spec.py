@@ -69,6 +69,8 @@ def test_settings_name_their_folder():
         (RunSpec("ppo", US, 0, 1, n_envs=0), "`n_envs` must be"),
         (RunSpec("nses", US, 0, 1, n_envs=2), "`n_envs` must be 1 for NSES"),
         (RunSpec("ppo", US, 0, 1, repeat_action=0), "`repeat_action` must be"),
+        (RunSpec("ppo", US, 0, 1, settle=0.0), "`settle` must be finite and above 0"),
+        (RunSpec("nses", US, 0, 1, settle=1e5), "`settle` must be left out for NSES"),
     ],
 )
 def test_mistakes_are_found_before_it_begins(run, message):

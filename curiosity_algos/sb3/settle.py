@@ -17,7 +17,7 @@ SMALLEST_CLIP, SMALLEST_LOG_STD = 0.05, -3.0
 
 
 class SettleCallback(BaseCallback):
-    """Shrinks the steps of training while the policy succeeds, so that it keeps what it can.
+    """Shrinks the steps of training while the policy succeeds, so that it keeps what it learned.
 
     A policy that has found the way to a sparse reward often loses it again: with steps of a
     constant size a bonus, or chance, can lead it away. While at least half of the last episodes

@@ -32,9 +32,10 @@ LEARNS = {"A2C": {}, "PPO": {"batch_size": 30, "n_epochs": 1}, "TRPO": {"batch_s
 NAMES = (*STABLE_BASELINES, *CONTRIB)
 
 
-def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, window=100, **others):
+def small(name, *, bonus=None, timesteps=180, n_envs=2, learning_starts=50, window=None, **others):
     """A run of a few seconds at most; its statistics are of the last `window` episodes."""
-    settings = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu", "stats_window_size": window}
+    settings = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu"}
+    settings |= {} if window is None else {"stats_window_size": window}
     if name in LEARNS:
         settings |= {"n_steps": 30} | LEARNS[name]
     else:

@@ -167,9 +167,8 @@ def settings_of(model: BaseAlgorithm) -> dict[str, Any]:
     if isinstance(buffer, BonusReplayBuffer):  # callbacks may have changed its settings
         in_force = vars(model)["replay_buffer_kwargs"] | buffer.settings
         settings["replay_buffer_kwargs"] = _as_json(in_force)
-    settle = getattr(model, "settle", None)  # of a SettleCallback
-    settings |= {} if settle is None else {"settle": settle}
-    return settings | ({"preset": model.preset} if hasattr(model, "preset") else {})
+    beside = ("preset", "settle")  # no keywords: of `from_preset`, and of a SettleCallback
+    return settings | {name: getattr(model, name) for name in beside if hasattr(model, name)}
 
 
 def describe_archive(model: BaseAlgorithm) -> dict[str, Any] | None:

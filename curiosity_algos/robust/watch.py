@@ -15,7 +15,7 @@ from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from curiosity_algos.robust.imitation import Standardized
 from curiosity_algos.robust.measure import N_STARTS, evaluate_starts, n_different
 from curiosity_algos.robust.starts import DemonstrationStarts
-from curiosity_algos.sb3.settle import SMALLEST_CLIP, SMALLEST_LOG_STD, set_steps
+from curiosity_algos.sb3.settle import SMALLEST_LOG_STD, shrink_steps
 
 SETTINGS: dict[str, Any] = {
     "n_steps": 256,
@@ -74,8 +74,8 @@ class Watch(BaseCallback):
 
     def _shrink(self) -> None:
         share = math.exp(-self.starts.good_steps / SHRINKING)
-        clip = SMALLEST_CLIP + (SETTINGS["clip_range"] - SMALLEST_CLIP) * share
-        set_steps(self.model, SETTINGS["learning_rate"] * share, clip)
+        sizes = {name: SETTINGS[name] for name in ("learning_rate", "clip_range")}
+        shrink_steps(self.model, share, **sizes)
         deviation = getattr(self.model.policy, "log_std", None)
         if isinstance(deviation, th.Tensor) and self.starts.good_steps:
             log_std = LOG_STD - self.starts.good_steps / SHRINKING

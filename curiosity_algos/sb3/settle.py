@@ -80,11 +80,8 @@ class SettleCallback(BaseCallback):
 
     def _shrink(self, factor: float) -> None:
         learner: Any = self.model
-        clip_range = None
-        if hasattr(learner, "clip_range"):
-            clip_range = learner.clip_range(1.0)
-            clip_range -= max(0.0, clip_range - SMALLEST_CLIP) * (1.0 - factor)
-        set_steps(learner, learner.learning_rate * factor, clip_range)
+        clip_range = learner.clip_range(1.0) if hasattr(learner, "clip_range") else None
+        shrink_steps(learner, factor, learning_rate=learner.learning_rate, clip_range=clip_range)
         deviation = getattr(learner.policy, "log_std", None)
         if isinstance(deviation, th.Tensor):
             with th.no_grad():
@@ -95,9 +92,12 @@ class SettleCallback(BaseCallback):
         return True
 
 
-def set_steps(model: Any, learning_rate: float, clip_range: float | None) -> None:
-    """Put a learning rate in force, and the clip range of an algorithm that has one."""
-    model.learning_rate = learning_rate
+def shrink_steps(
+    model: Any, factor: float, *, learning_rate: float, clip_range: float | None
+) -> None:
+    """Put a factor of a learning rate in force, and a smaller clip range where there is one."""
+    model.learning_rate = learning_rate * factor
     model._setup_lr_schedule()
     if clip_range is not None:
-        model.clip_range = FloatSchedule(clip_range)
+        shrunk = SMALLEST_CLIP + (clip_range - SMALLEST_CLIP) * factor
+        model.clip_range = FloatSchedule(min(clip_range, shrunk))  # what is less already, stays

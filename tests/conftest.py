@@ -90,6 +90,7 @@ MODULES = {
     "robotics": "gymnasium_robotics",
     "tensorboard": "tensorboard",
     "track": "wandb",
+    "video": "moviepy",
 }
 """Extra: the module without which it is not installed."""
 PARAMETERS = {

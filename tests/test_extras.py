@@ -26,12 +26,13 @@ MODULES = {
     "control": ["dm_control.suite", "imageio", "mujoco.batch", "packaging", "shimmy"],
     "locomotion": ["imageio", "mujoco"],
     "robotics": ["gymnasium_robotics", "mujoco"],
-    "render": ["moviepy", "pygame"],
+    "render": ["pygame"],
     "ray": ["ray"],
     "minari": ["h5py", "minari"],
     "onnx": ["onnx"],
     "tensorboard": ["tensorboard"],
     "track": ["wandb"],
+    "video": ["moviepy"],
 }
 ENVS = {
     "control": ["CuriosityControl-Stacker-v0", "CuriositySparse-CartPoleSwingUp-v0"],

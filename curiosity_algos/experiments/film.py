@@ -67,6 +67,8 @@ def film(
             `run.json` describes.
     """
     check_choice((".gif", ".mp4"), out=path.suffix)
+    if path.suffix == ".mp4":
+        import_extra("video", "moviepy")  # before the episode is played
     with _open(source, trust, env, render_mode="rgb_array") as (policy, played, best_seed):
         if played.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
             stride = max(1, stride // played.get_wrapper_attr("num_repeats"))
@@ -203,7 +205,7 @@ def write_film(frames: list[Frame], path: Path) -> None:
         with atomic_file(path) as file:
             first.save(file, "GIF", save_all=True, append_images=others, duration=50, loop=0)
         return
-    (moviepy,) = import_extra("render", "moviepy")
+    (moviepy,) = import_extra("video", "moviepy")
     clip = moviepy.ImageSequenceClip(frames, fps=20)
     with TemporaryDirectory() as folder, atomic_file(path) as file:
         encoded = Path(folder, path.name)  # the encoder writes to no file that is open

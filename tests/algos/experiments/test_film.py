@@ -1,6 +1,9 @@
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.error import DependencyNotInstalled
 from PIL import Image
 from tracked import Tracked
 
@@ -31,6 +34,19 @@ def test_an_episode_moves(folder, tmp_path):
         first = np.array(picture.convert("RGB"))
         picture.seek(3)
         assert not np.array_equal(first, np.array(picture.convert("RGB")))
+
+
+@pytest.mark.extra("render", "video")
+def test_a_film_may_be_an_mp4(folder, tmp_path):
+    film(folder, tmp_path / "best.mp4", stride=20, seed=0)
+    assert (tmp_path / "best.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_who_has_no_encoder_hears_it_before_an_episode_is_played(folder, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "moviepy", None)
+    monkeypatch.setattr(filming, "_open", None)
+    with pytest.raises(DependencyNotInstalled, match=r"pip install \"curiosity-search\[video\]\""):
+        film(folder, tmp_path / "best.mp4", stride=20, seed=0)
 
 
 @pytest.mark.extra("render")

@@ -95,6 +95,12 @@ SWEEPS: dict[str, dict[str, Any]] = {
         f"locomotion_tries/{name}": {**ON_A_ROBOT, **settings}
         for name, settings in ROBOT_TRIES.items()
     },
+    "buffer": {
+        "algos": ("CuriosityES",),
+        "envs": ("CuriosityMaze-US-v0", "CuriosityMaze-Hard-v0"),
+        "timesteps": 1e7,
+        "hyperparams": ["buffer_size:100_000", "buffer_size:500_000"],
+    },
     "normalized": {
         "algos": ("CanonicalES",),
         "envs": ("CuriosityLocomotion-HalfCheetah-v0", "CuriosityLocomotion-Hopper-v0"),

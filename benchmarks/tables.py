@@ -151,6 +151,7 @@ OF_RUNS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     "normalized": ("normalized", run_tables.returns),
     "ppo-summary": ("ppo", run_tables.visits),
     "ppo-with-and-without": ("ppo", run_tables.with_and_without),
+    "buffer": ("buffer", run_tables.every_seed),
     "ppo-seeds": ("ppo", run_tables.every_seed),
     "sparse-summary": ("sparse", run_tables.visits_or_returns),
     "off-policy-summary": ("off_policy", run_tables.visits),

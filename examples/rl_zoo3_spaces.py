@@ -84,6 +84,12 @@ SPACES: dict[str, Space] = {
         "latent_size": Whole(2, 16),
         "trajectory_share": Real(0.2, 1.0, log=False),
     },
+    "GoExplore": {
+        "population_size_pow": Whole(4, 8),
+        "n_steps": Whole(20, 300),
+        "archive_size": Whole(200, 2000),
+        "sigma": Real(0.03, 1.0),
+    },
     "TD3ICM": {
         "net_arch": Choice(tuple(NET_ARCHS)),
         **BONUS,

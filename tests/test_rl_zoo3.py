@@ -122,6 +122,6 @@ def test_algorithms_take_what_is_sampled():
         model = made(gym.make(ENV), seed=0, device="cpu", **keywords)
         of_buffer = getattr(model, "replay_buffer_kwargs", {})  # of TD3ICM
         kept = {n: getattr(model, n) if hasattr(model, n) else of_buffer[n] for n in keywords}
-        kept["policy_kwargs"].pop("optimizer_kwargs", None)  # of TD3ICM's own
+        kept.get("policy_kwargs", {}).pop("optimizer_kwargs", None)  # of TD3ICM's own
         assert kept == keywords, algorithm
         assert all(len({params[name] for params in tried}) > 1 for name in SPACES[algorithm])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,6 +13,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.evaluation.found import is_success
 from curiosity_algos.robust.demonstrations import Demonstration, Start
+from curiosity_algos.sb3.gymnasium_vec_env import put
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_seed, check_share
 
@@ -134,7 +134,7 @@ class DemonstrationStarts(VecEnvWrapper):
         for i, start in starts.items():
             self._begun[i], self._totals[i] = start, 0.0
         for i, observation in self._places.go(starts, self._rng).items():
-            _write(observations, i, observation)
+            put(observations, i, observation)
 
     def _draw(self) -> tuple[int, int]:
         """A demonstration and a step of it, or `FRESH` both."""
@@ -194,26 +194,11 @@ class FreshMonitor(VecMonitor):
         return observations, self.scale * rewards, dones, infos
 
 
-def _write(observations: Any, i: int, observation: Any) -> None:
-    if isinstance(observations, dict):
-        for key, part in observations.items():
-            part[i] = observation[key]
-    else:
-        observations[i] = observation
-
-
 # -- how to get there -----------------------------------------------------------------------------
 
 
-class _Places:
-    """Where demonstrations lead."""
-
-    @abstractmethod
-    def go(self, starts: Mapping[int, tuple[int, int]], rng: np.random.Generator) -> dict[int, Any]:
-        """Bring environments to steps of demonstrations, or fresh starts; what they observe."""
-
-
-def _places(venv: VecEnv, demonstrations: list[Demonstration]) -> _Places:
+def _places(venv: VecEnv, demonstrations: list[Demonstration]) -> _Restored | _Replayed:
+    """What brings environments to steps of demonstrations, or fresh starts."""
     batch = getattr(venv, "vector_env", None)
     if isinstance(batch, EpisodicVectorEnv):
         return _Restored(batch, demonstrations)
@@ -225,7 +210,7 @@ def _places(venv: VecEnv, demonstrations: list[Demonstration]) -> _Places:
     )
 
 
-class _Restored(_Places):
+class _Restored:
     """By the states of a batch of simulations, which are restored in one call."""
 
     def __init__(self, batch: EpisodicVectorEnv, demonstrations: list[Demonstration]) -> None:
@@ -267,7 +252,7 @@ class _Restored(_Places):
         return {i: state["observations"][i] for i in placed}
 
 
-class _Replayed(_Places):
+class _Replayed:
     """By seeded resets, and the demonstrations' actions taken again."""
 
     def __init__(self, venv: DummyVecEnv, demonstrations: list[Demonstration]) -> None:

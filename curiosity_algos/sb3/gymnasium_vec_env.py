@@ -115,7 +115,7 @@ class GymnasiumVecEnv(VecEnv):
         for i, j in zip(places.tolist(), given.tolist(), strict=True):
             rows[i]["terminal_observation"] = _take(observations, i)
             self.reset_infos[i] = first[j]
-            _put(observations, i, _take(begun, j))
+            put(observations, i, _take(begun, j))
 
     def close(self) -> None:
         self.vector_env.close()
@@ -186,11 +186,11 @@ def _take(observations: Any, i: int) -> Any:
     return np.array(observations[i])
 
 
-def _put(observations: Any, i: int, one: Any) -> None:
+def put(observations: Any, i: int, one: Any) -> None:
     """Write an observation as number i of a batch."""
     if isinstance(observations, dict):
         for name, entry in observations.items():
-            _put(entry, i, one[name])
+            put(entry, i, one[name])
     else:
         observations[i] = one
 

@@ -10,7 +10,7 @@ class Kept:
     """An attribute that a part of its owner keeps, as `weight = Kept("curiosity")`.
 
     Args:
-        part: Name of the part, or the way to it: "record.firsts".
+        part: Name of the part, or the way to it: "exploration.coverage".
         name: What the attribute is called there; None: as it is here.
     """
 

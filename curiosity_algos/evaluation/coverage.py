@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
+from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.environments import EnvObject, describe, env_attribute
 from curiosity_algos.evaluation.flat_spaces import is_vector
-from curiosity_algos.evaluation.rollouts import Rollouts, final_behaviors
+from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.state.check import check_like
 from curiosity_gym.core import CoverageGrid
 
@@ -169,52 +169,6 @@ class Firsts:
         if not all(isinstance(first, int | None) for first in firsts):
             raise ValueError("`reward` and `success` must be timesteps, or None.")
         self.reward, self.success = firsts
-
-
-class EpisodeRecord:
-    """Counts what episodes find, from the steps of a VecEnv.
-
-    Args:
-        grid: The grid of coverage; None: it counts nothing.
-
-    Attributes:
-        coverage: The cells of the behaviors in infos.
-        best_return: Highest return of an episode that a Monitor saw; -inf before the first.
-        firsts: First reward and success.
-    """
-
-    def __init__(self, grid: CoverageGrid | None) -> None:
-        self.coverage = Coverage(grid)
-        self.best_return = -np.inf
-        self.firsts = Firsts()
-
-    def add(self, infos: Sequence[Mapping[str, Any]], dones: Array, num_timesteps: int) -> None:
-        """Count one step of a VecEnv, `num_timesteps` of the run, and the episodes that ended."""
-        ended = [info for info, done in zip(infos, dones, strict=True) if done]
-        self.coverage.add_steps([info["behavior"] for info in infos if "behavior" in info])
-        with_behavior = [info for info in ended if "behavior" in info]
-        if with_behavior and self.coverage.grid is not None:
-            self.coverage.add(final_behaviors(with_behavior))
-        if not ended:
-            return
-        returns = [float(info["episode"]["r"]) for info in ended if "episode" in info]
-        success = [bool(info.get("is_success")) for info in ended]
-        self.firsts.add(num_timesteps, np.array(returns), np.array(success))
-        self.best_return = max([self.best_return, *returns])
-
-    def state_dict(self) -> dict[str, Any]:
-        """All attributes, for a checkpoint."""
-        return {
-            "coverage": self.coverage.state_dict(),
-            "best_return": self.best_return,
-            "firsts": self.firsts.state_dict(),
-        }
-
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
-        """Take over what `state_dict` gave."""
-        self.coverage.load_state_dict(state["coverage"])
-        self.best_return = state["best_return"]
-        self.firsts.load_state_dict(state["firsts"])
 
 
 class BestPolicy:

@@ -14,9 +14,10 @@ from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.common.kept import Kept
-from curiosity_algos.evaluation.coverage import EpisodeRecord, coverage_grid
-from curiosity_algos.evaluation.rollouts import as_behaviors
+from curiosity_algos.evaluation.coverage import Coverage, Firsts, coverage_grid
+from curiosity_algos.evaluation.rollouts import as_behaviors, final_behaviors
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
+from curiosity_gym.core import CoverageGrid
 
 
 class ExplorationCallback(BaseCallback):
@@ -40,25 +41,29 @@ class ExplorationCallback(BaseCallback):
         best_return: Highest return of an episode that a Monitor saw; -inf before the first.
     """
 
-    coverage, best_return = Kept("_episodes"), Kept("_episodes")
-    coverage_shares = Kept("_episodes.coverage", "shares")
-    first_reward_timesteps = Kept("_episodes.firsts", "reward")
-    first_success_timesteps = Kept("_episodes.firsts", "success")
+    coverage_shares = Kept("coverage", "shares")
+    first_reward_timesteps = Kept("_firsts", "reward")
+    first_success_timesteps = Kept("_firsts", "success")
 
     def __init__(self, verbose: int = 0) -> None:
         super().__init__(verbose)
-        self._episodes = EpisodeRecord(None)
+        self._begin(None)
+
+    def _begin(self, grid: CoverageGrid | None) -> None:
+        self.coverage, self.best_return, self._firsts = Coverage(grid), -math.inf, Firsts()
 
     def _on_training_start(self) -> None:
         _warn_of_a_new_wrapper(self.model)
         grid = coverage_grid(self.training_env)
         if grid != self.coverage.grid:
-            self._episodes = EpisodeRecord(grid)
+            self._begin(grid)
 
     def _on_step(self) -> bool:
         infos = self.locals["infos"]
-        self._episodes.add(infos, self.locals["dones"], self.num_timesteps)
-        if any(self.locals["dones"]):  # off-policy algorithms log before their rollout ends
+        self.coverage.add_steps([info["behavior"] for info in infos if "behavior" in info])
+        ended = [info for info, done in zip(infos, self.locals["dones"], strict=True) if done]
+        if ended:  # off-policy algorithms log before their rollout ends
+            self._count(ended)
             self._log_found()
         bonuses = [info["reward_intrinsic"] for info in infos if "reward_intrinsic" in info]
         if bonuses:
@@ -66,6 +71,16 @@ class ExplorationCallback(BaseCallback):
             self.logger.record("intrinsic/max", max(largest, *bonuses))
             self.logger.record_mean("intrinsic/mean", sum(bonuses) / len(bonuses))
         return True
+
+    def _count(self, ended: list[dict[str, Any]]) -> None:
+        """Count the episodes that ended with these infos."""
+        with_behavior = [info for info in ended if "behavior" in info]
+        if with_behavior and self.coverage.grid is not None:
+            self.coverage.add(final_behaviors(with_behavior))
+        returns = [float(info["episode"]["r"]) for info in ended if "episode" in info]
+        success = [bool(info.get("is_success")) for info in ended]
+        self._firsts.add(self.num_timesteps, np.array(returns), np.array(success))
+        self.best_return = max([self.best_return, *returns])
 
     def _on_rollout_end(self) -> None:
         self._log_found()
@@ -76,16 +91,22 @@ class ExplorationCallback(BaseCallback):
 
     def _log_found(self) -> None:
         shares = {f"coverage/{name}": share for name, share in self.coverage_shares.items()}
-        for name, value in (shares | self._episodes.firsts.metrics).items():
+        for name, value in (shares | self._firsts.metrics).items():
             self.logger.record(name, value)
 
     def state_dict(self) -> dict[str, Any]:
         """Everything found so far, for a checkpoint."""
-        return self._episodes.state_dict()
+        return {
+            "coverage": self.coverage.state_dict(),
+            "best_return": self.best_return,
+            "firsts": self._firsts.state_dict(),
+        }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave, once `learn` has begun."""
-        self._episodes.load_state_dict(state)
+        self.coverage.load_state_dict(state["coverage"])
+        self.best_return = state["best_return"]
+        self._firsts.load_state_dict(state["firsts"])
 
 
 class FinalBehaviors(BaseCallback):

@@ -36,8 +36,20 @@ class Walk(gym.Env):
     def step(self, action):
         self.x += 1
         is_over = self.x == self.n_episodes
-        info = {"is_success": is_over and self.x >= 3}
+        info = {"is_success": self.n_episodes >= 3 and self.x >= 2}
         return np.full(1, self.x, dtype=np.float32), float(self.x), is_over, False, info
+
+
+class Told(Walk):
+    """Tells one behavior where episodes end, and another before that."""
+
+    def __init__(self, end, before, behavior_space=None):
+        self.behavior_space, self.end, self.before = behavior_space, end, before
+
+    def step(self, action):
+        *step, is_over, is_cut, info = super().step(action)
+        behavior = self.end if is_over else self.before
+        return *step, is_over, is_cut, info | {"behavior": behavior}
 
 
 def make_walk():
@@ -58,6 +70,20 @@ def test_it_counts_where_episodes_end():
     assert callback.coverage.all == 5 / 50
     assert (callback.first_reward_timesteps, callback.first_success_timesteps) == (1, 6)
     assert callback.best_return == 15.0
+    other = train(make_vec_env(make_walk), 2, ExplorationCallback())
+    other.load_state_dict(callback.state_dict())
+    assert other.coverage.all == 5 / 50
+    assert (other.first_success_timesteps, other.best_return) == (6, 15.0)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_where_an_episode_ends_must_be_finite(number):
+    finite, other, space = np.ones(1), np.full(1, number), spaces.Box(0, 10, (1,))
+    # On its way it may be unknown.
+    callback = train(make_vec_env(lambda: Told(finite, other, space)), 15, ExplorationCallback())
+    assert callback.coverage.all == 1 / 50
+    with pytest.raises(ValueError, match="`env` must give finite behaviors"):
+        train(make_vec_env(lambda: Told(other, finite, space)), 15, ExplorationCallback())
 
 
 def test_final_behaviors_are_those_of_the_last_steps():
@@ -94,6 +120,12 @@ def test_it_counts_the_cells_of_every_step():
     model.learn(100, [callback, ConvertCallback(step)])
     assert callback.coverage_shares["visited"] == len(cells) / grid.reachable.sum()
     assert len(cells) > 2
+
+
+def test_where_nothing_is_counted_a_behavior_may_be_anything():
+    venv = make_vec_env(lambda: Told("walking", "running"))
+    callback = train(venv, 15, ExplorationCallback())
+    assert (callback.coverage.all, callback.best_return) == (None, 15.0)
 
 
 def test_there_may_be_nothing_to_count():

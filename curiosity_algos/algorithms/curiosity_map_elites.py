@@ -13,15 +13,21 @@ from gymnasium import spaces
 from ribs.emitters import EmitterBase
 
 from curiosity_algos.algorithms.map_elites import MAPElites
-from curiosity_algos.bonuses.base import Bonus
-from curiosity_algos.common.arrays import Float32Array
+from curiosity_algos.bonuses.base import Bonus, check_needs_no_episodes
+from curiosity_algos.bonuses.transitions import draw_transitions, flat
+from curiosity_algos.common.arrays import Float32Array, Float64Array
+from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.rollouts import Rollouts, Summarizer
 from curiosity_algos.loops.curious_algorithm import CuriousAlgorithm
 from curiosity_algos.loops.declared import setting
 from curiosity_algos.loops.quality_diversity import Fields, FieldTypes
-from curiosity_algos.motivations.elites import EliteCuriosity
 from curiosity_algos.search.emitters import TournamentEmitter
 from curiosity_gym.validation import check_at_least_one, check_positive
+
+KEPT = "kept"
+"""Name of what is read of trajectories."""
+TRANSITION = ("observations", "actions", "next_observations")
+"""Names of its three parts in the archive."""
 
 
 class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
@@ -54,7 +60,8 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     def _make_search(self, seed: np.random.SeedSequence) -> None:
         curiosity_seed, draws_seed, search_seed = seed.spawn(3)
         self._motivation = self._make_curiosity(curiosity_seed)
-        self._curiosity = EliteCuriosity(self._motivation.bonus, self.n_kept, draws_seed)
+        check_needs_no_episodes(self._motivation.bonus, "an archive of elites")
+        self._draws = np.random.default_rng(draws_seed)
         super()._make_search(search_seed)
 
     def _field_types(self) -> FieldTypes:
@@ -72,7 +79,7 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
     def _make_emitter(self, x0: Float32Array, seed: int) -> EmitterBase:
         return TournamentEmitter(
             self.archive,
-            score=self._curiosity.score,
+            score=self._score,
             tournament_size=self.tournament_size,
             sigma=self.sigma,
             x0=x0,
@@ -81,7 +88,7 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
         )
 
     def _parts(self) -> dict[str, Any]:
-        own = {"motivation": self._motivation, "curiosity": self._curiosity}
+        own = {"motivation": self._motivation, "curiosity": self._draws}
         return {**super()._parts(), **own}
 
     def _steer(self, emitter: Any) -> None:
@@ -90,10 +97,26 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
 
     def _summarizers(self, n_individuals: int) -> Mapping[str, Summarizer] | None:
         learned = self._motivation.learning(n_individuals)
-        return {**learned, **self._curiosity.summarizers(n_individuals)}
+        return {**learned, **self._kept(n_individuals)}
+
+    def _kept(self, n_individuals: int) -> dict[str, Summarizer]:
+        """Reads `n_kept` transitions of each trajectory, drawn uniformly with replacement."""
+        return {KEPT: draw_transitions(self._draws, n_individuals, self.n_kept)}
 
     def _fields(self, rollouts: Rollouts) -> Fields:
-        return {**super()._fields(rollouts), **self._curiosity.fields(rollouts)}
+        drawn = dict(zip(TRANSITION, rollouts.summary(KEPT, self._kept), strict=True))
+        return {**super()._fields(rollouts), **drawn, "length": rollouts.lengths}
+
+    def _score(self, elites: Fields) -> Float64Array:
+        """Estimated sum of the curiosity of each elite's transitions, (n,), by the bonus as it is.
+
+        A score kept from the time of the episode would stay high where all has long been learned.
+        """
+        with single_torch_thread():
+            curiosity = self._motivation.bonus.score(*(flat(elites[name]) for name in TRANSITION))
+        means = curiosity.reshape(-1, self.n_kept).mean(axis=1, dtype=np.float64)
+        scores: Float64Array = elites["length"] * means
+        return scores
 
     def _tell(self, rollouts: Rollouts) -> Mapping[str, float]:
         metrics = super()._tell(rollouts)

@@ -3,6 +3,7 @@ from itertools import pairwise
 import gymnasium as gym
 import numpy as np
 import pytest
+from padded_rollouts import LENGTHS, make_rollouts
 
 from curiosity_algos import ICM, CuriosityMAPElites
 from curiosity_gym import BehaviorWrapper
@@ -24,6 +25,17 @@ def test_parents_are_the_most_curious_of_their_tournaments(make_model, make_easy
     winners = np.arange(6) * 4 + np.reshape(scored, (6, 4)).argmax(axis=1)
     np.testing.assert_array_equal(asked, elites["solution"][winners])
     assert len(np.unique(scored)) > 4
+
+
+def test_what_is_kept_are_steps_of_each_episode(make_model, make_easy_maze):
+    rollouts = make_rollouts()
+    fields = make_model(CuriosityMAPElites, make_easy_maze())._fields(rollouts)
+    np.testing.assert_array_equal(fields["length"], LENGTHS)
+    for i, seen in enumerate(rollouts.observations):
+        steps = zip(fields["observations"][i], fields["next_observations"][i], strict=True)
+        for before, after in steps:
+            t = np.flatnonzero((seen == before).all(axis=1)).item()
+            np.testing.assert_array_equal(after, seen[t + 1])
 
 
 def test_the_module_learns_from_every_generation(make_model, make_easy_maze):

@@ -53,51 +53,38 @@ class Standardized(BaseFeaturesExtractor):
         self.normalizer.load_state_dict(self.ahead.state_dict())
 
 
-class Imitation:
-    """Fits a policy's best actions to those of demonstrations.
+def imitate(
+    model: OnPolicyAlgorithm, demonstrations: Sequence[Demonstration], *, n_steps: int, seed: int
+) -> None:
+    """Fit a policy's best actions to those of demonstrations.
 
     Args:
         model: Whose policy it is.
-        demonstrations: At least one.
+        demonstrations: At least one. A policy that is `Standardized` is so by what they observe.
+        n_steps: Gradient steps.
         seed: Of the draws.
-
-    Attributes:
-        observations: Of all demonstrations in a row, as the policy takes them.
     """
-
-    def __init__(
-        self, model: OnPolicyAlgorithm, demonstrations: Sequence[Demonstration], *, seed: int
-    ) -> None:
-        self.model = model
-        self.seed = seed
-        self.observations, self._actions = _tensors(model, demonstrations)
-        self._noise = _noise_of(self.observations)
-
-    def fit(self, n_steps: int) -> None:
-        """Take gradient steps."""
-        policy = self.model.policy
-        fitted = [value for name, value in policy.named_parameters() if name != "log_std"]
-        optimizer = th.optim.Adam(fitted, lr=LEARNING_RATE)
-        draws = np.random.default_rng(self.seed)
-        for _ in range(n_steps):
-            chosen = th.as_tensor(
-                draws.choice(len(self._actions), BATCH_SIZE), device=self.model.device
-            )
-            batch = self._noisy(chosen, draws)
-            _, log_prob, _ = policy.evaluate_actions(batch, self._actions[chosen])
-            optimizer.zero_grad()
-            (-log_prob.mean()).backward()
-            optimizer.step()
-
-    def _noisy(self, chosen: th.Tensor, draws: np.random.Generator) -> Any:
-        """Some of the observations; vectors of floats with noise."""
-        if isinstance(self.observations, dict):
-            return {key: part[chosen] for key, part in self.observations.items()}
-        batch: th.Tensor = self.observations[chosen]
-        if self._noise is None:
-            return batch
-        noise = th.as_tensor(draws.standard_normal(batch.shape), dtype=batch.dtype)
-        return batch + self._noise * noise.to(self.model.device)
+    observations, actions = _tensors(model, demonstrations)
+    policy, deviation = model.policy, _noise_of(observations)
+    if isinstance(extractor := policy.features_extractor, Standardized):
+        extractor.observe(observations)
+        extractor.settle()
+    fitted = [value for name, value in policy.named_parameters() if name != "log_std"]
+    optimizer = th.optim.Adam(fitted, lr=LEARNING_RATE)
+    draws = np.random.default_rng(seed)
+    for _ in range(n_steps):
+        chosen = th.as_tensor(draws.choice(len(actions), BATCH_SIZE), device=model.device)
+        if isinstance(observations, dict):
+            batch: Any = {key: part[chosen] for key, part in observations.items()}
+        else:
+            batch = observations[chosen]
+        if deviation is not None:
+            noise = th.as_tensor(draws.standard_normal(batch.shape), dtype=batch.dtype)
+            batch = batch + deviation * noise.to(model.device)
+        _, log_prob, _ = policy.evaluate_actions(batch, actions[chosen])
+        optimizer.zero_grad()
+        (-log_prob.mean()).backward()
+        optimizer.step()
 
 
 def _noise_of(observations: Any) -> th.Tensor | None:

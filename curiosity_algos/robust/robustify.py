@@ -21,7 +21,7 @@ from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
-from curiosity_algos.robust.imitation import N_STEPS, Imitation, Standardized
+from curiosity_algos.robust.imitation import N_STEPS, Standardized, imitate
 from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
 from curiosity_algos.robust.watch import LOG_STD, SETTINGS, FrontBar, Watch
 from curiosity_algos.sb3.gymnasium_vec_env import open_batch
@@ -177,13 +177,9 @@ class Training:
 
     def begin(self) -> None:
         """Imitate the demonstrations."""
-        imitation = Imitation(self.model, self.starts.demonstrations, seed=self._imitation_seed)
-        extractor = self.model.policy.features_extractor
         with single_torch_thread():
-            if isinstance(extractor, Standardized):
-                extractor.observe(imitation.observations)
-                extractor.settle()
-            imitation.fit(N_STEPS)
+            seed, demonstrations = self._imitation_seed, self.starts.demonstrations
+            imitate(self.model, demonstrations, n_steps=N_STEPS, seed=seed)
 
     def learn(
         self, total_timesteps: float, callback: MaybeCallback = None, *, progress_bar: bool = False

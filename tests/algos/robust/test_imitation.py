@@ -7,7 +7,7 @@ from gymnasium import spaces
 from stable_baselines3 import PPO
 
 from curiosity_algos.robust.demonstrations import demonstrate
-from curiosity_algos.robust.imitation import Imitation
+from curiosity_algos.robust.imitation import imitate
 
 PICTURE = spaces.Box(0, 255, (6, 8, 3), np.uint8)
 
@@ -54,6 +54,6 @@ def test_a_policy_acts_as_the_demonstration(observation_space, action_space):
     shown = demonstrate(env, env, seed=0)
     kwargs = {"n_steps": 8, "batch_size": 8, "seed": 0, "device": "cpu"}
     model = PPO("MlpPolicy", env, **kwargs)
-    Imitation(model, [shown], seed=0).fit(300)
+    imitate(model, [shown], n_steps=300, seed=0)
     actions, _ = model.predict(shown.observations, deterministic=True)
     np.testing.assert_array_equal(actions > 0, shown.actions > 0)

@@ -66,20 +66,6 @@ def _wrap(env: gym.Env[Any, Any], entry: str, kwargs: Mapping[str, Any]) -> gym.
     return made
 
 
-def make_single(
-    env: str, repeat_action: int, kwargs: Mapping[str, Any], wrappers: Sequence[Wrapping] = ()
-) -> gym.Env[Any, Any]:
-    """The environment of an id, which takes each action for so many steps, in wrappers."""
-    made: gym.Env[Any, Any] = gym.make(env, **kwargs)
-    if repeat_action > 1:
-        if not hasattr(gym.wrappers, "RepeatAction"):
-            raise ImportError("`repeat_action` needs gymnasium 1.3 or newer.")
-        made = gym.wrappers.RepeatAction(made, repeat_action)
-    for entry, keywords in wrappers:
-        made = _wrap(made, entry, keywords)
-    return made
-
-
 @dataclass(frozen=True)
 class RunSpec:
     """A run that is to be trained.
@@ -226,8 +212,15 @@ class RunSpec:
             raise ValueError(f"`env_kwargs` must be keywords of {self.env}: {message}.") from error
 
     def make_single(self) -> gym.Env[Any, Any]:
-        """One of the environments."""
-        return make_single(self.env, self.repeat_action, self.env_kwargs, self.wrappers)
+        """One of the environments, which takes each action for so many steps, in wrappers."""
+        made: gym.Env[Any, Any] = gym.make(self.env, **self.env_kwargs)
+        if self.repeat_action > 1:
+            if not hasattr(gym.wrappers, "RepeatAction"):
+                raise ImportError("`repeat_action` needs gymnasium 1.3 or newer.")
+            made = gym.wrappers.RepeatAction(made, self.repeat_action)
+        for entry, keywords in self.wrappers:
+            made = _wrap(made, entry, keywords)
+        return made
 
     def load(self, checkpoint: Path) -> BaseAlgorithm:
         """The model as it was at a checkpoint."""

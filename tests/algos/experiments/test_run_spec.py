@@ -6,7 +6,7 @@ import pytest
 from tracked import Tracked
 
 from curiosity_algos.experiments import load_final_states
-from curiosity_algos.experiments.run_spec import RunSpec, make_single, variant_of
+from curiosity_algos.experiments.run_spec import RunSpec, variant_of
 from curiosity_algos.experiments.training import train
 
 US = "CuriosityMaze-US-v0"
@@ -136,7 +136,7 @@ def test_this_packages_algorithms_hold_actions_too(tmp_path):
 
 @pytest.mark.skipif(not hasattr(gym.wrappers, "RepeatAction"), reason="gymnasium < 1.3")
 def test_an_action_is_held():
-    once, held = make_single(US, 1, {}), make_single(US, 3, {})
+    once, held = (RunSpec("nses", US, 0, 1, repeat_action=n).make_single() for n in (1, 3))
     for env in (once, held):
         env.reset()
     action = np.array([1.0, 0.5], np.float32)
@@ -148,4 +148,4 @@ def test_an_action_is_held():
 def test_an_older_gymnasium_is_told(monkeypatch):
     monkeypatch.delattr(gym.wrappers, "RepeatAction", raising=False)
     with pytest.raises(ImportError, match=r"`repeat_action` needs gymnasium 1\.3"):
-        make_single(US, 3, {})
+        RunSpec("nses", US, 0, 1, repeat_action=3).make_single()

@@ -163,7 +163,7 @@ class Firsts:
         """Both numbers, for a checkpoint."""
         return dict(vars(self))
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
         firsts = state["reward"], state["success"]
         if not all(isinstance(first, int | None) for first in firsts):

@@ -225,7 +225,7 @@ class CuriosityMotivation:
             "rng": generator_state(self._rng),
         }
 
-    def load_state_dict(self, state: Mapping[str, Any], strict: bool = True) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; a buffer left out of the file stays empty."""
         self.curiosity.load_state_dict(state["curiosity"])
         if "buffer" in state:

@@ -39,7 +39,13 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
     with _env_of(model):
         check_same(folder, stored.describe(), describe_run(model))
     result = stored.result()
-    return bool(result) and result["timesteps"] >= run.timesteps and result["ended"]
+    return bool(result) and result["timesteps"] >= run.timesteps and _is_measured(run, result)
+
+
+def _is_measured(run: RunSpec, result: Mapping[str, Any]) -> bool:
+    """Whether `learn` has ended, and its policy was tried from unseen starts if it is to be."""
+    is_owed = "starts" not in result and _has_found(result)
+    return bool(result["ended"]) and not (is_owed and _has_starts(run))
 
 
 def train(
@@ -75,15 +81,17 @@ def train(
     checkpoint = RunFolder(folder).checkpoint
     model = run.make() if checkpoint is None else run.load(checkpoint)
     with _env_of(model):
-        if enough is not None and enough.is_over(model):
+        is_over = enough is not None and enough.is_over(model)
+        if is_over and _is_measured(run, RunFolder(folder).result()):
             return False
         RunFolder(folder).lock().release()  # raises where another process trains
         with _traceback_kept(folder), closing(save):
-            rest = max(0, int(run.timesteps) - model.num_timesteps)
+            rest = 0 if is_over else max(0, int(run.timesteps) - model.num_timesteps)
             # What a checkpoint is to hold is changed before it is saved.
             settles = [] if run.settle is None else [SettleCallback(run.settle)]
             callbacks: list[BaseCallback] = [*settles, save, *([] if enough is None else [enough])]
-            _learn(model, save, callbacks, rest, progress_bar=progress_bar)
+            if rest or not RunFolder(folder).result().get("ended"):
+                _learn(model, save, callbacks, rest, progress_bar=progress_bar)
             _measure_starts(model, run, RunFolder(folder))
     return True
 
@@ -120,13 +128,21 @@ def _learn(
 
 def _measure_starts(model: BaseAlgorithm, run: RunSpec, folder: RunFolder) -> None:
     """Note from how many unseen starts the policy comes to what the run has come to."""
-    result = folder.result()
-    events = ("first_success_timesteps", "first_reward_timesteps")
-    if all(result.get(event) is None for event in events):
-        return
-    with closing(run.make_single()) as env:
-        if is_drawn(env):
+    if _has_found(folder.result()) and _has_starts(run):
+        with closing(run.make_single()) as env:
             folder.note(starts=evaluate_starts(model, env).counts)
+
+
+def _has_found(result: Mapping[str, Any]) -> bool:
+    """Whether a run has had a success or a reward."""
+    events = ("first_success_timesteps", "first_reward_timesteps")
+    return any(result.get(event) is not None for event in events)
+
+
+def _has_starts(run: RunSpec) -> bool:
+    """Whether the starts of its environment are drawn."""
+    with closing(run.make_single()) as env:
+        return is_drawn(env)
 
 
 def _env_of(model: BaseAlgorithm) -> closing[VecEnv]:

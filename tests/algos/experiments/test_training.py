@@ -9,6 +9,7 @@ from curiosity_algos import MAPElites
 from curiosity_algos.experiments import RunFolder, load_final_states
 from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.experiments.training import is_finished, summary, train
+from curiosity_algos.robust.solve import Enough
 
 SMALL = {"population_size": 6, "policy_kwargs": {"net_arch": [4]}}
 
@@ -105,3 +106,30 @@ def test_one_that_was_killed_at_its_end_is_ended(tmp_path, monkeypatch, assert_s
     assert train(small(), killed)
     assert_same(load_final_states(whole), load_final_states(killed))
     assert not train(small(), killed)
+
+
+POLE = RunSpec("canonical_es", "CartPole-v1", 0, 1, {"max_episode_steps": 20}, SMALL)
+FIELD = {"layout": "open-8x8-seed11", "start_radius": 5.0}
+SEARCH = RunSpec("go_explore", "CuriosityMaze-v0", 0, 1e6, FIELD)
+
+
+@pytest.mark.parametrize(("run", "enough"), [(POLE, None), (SEARCH, Enough(1))])
+def test_one_that_was_killed_while_its_policy_was_tried_tries_it_again(
+    run, enough, tmp_path, monkeypatch
+):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    train(run, whole, enough=enough)
+
+    def kill(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("curiosity_algos.experiments.training.evaluate_starts", kill)
+    with pytest.raises(KeyboardInterrupt):
+        train(run, killed, enough=enough)
+    monkeypatch.undo()
+    assert not is_finished(run, killed)
+    assert train(run, killed, enough=enough)
+    one, other = RunFolder(whole).result(), RunFolder(killed).result()
+    assert one["starts"]["n"] == 100
+    assert other == one | {"seconds": other["seconds"]}
+    assert not train(run, killed, enough=enough)

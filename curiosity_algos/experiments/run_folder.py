@@ -87,7 +87,7 @@ class RunFolder:
     def is_empty(self) -> bool:
         """Whether a run can begin here; what is there before its first file does not count."""
         paths = self.path.iterdir() if self.path.exists() else ()
-        half = f".{self._description.name}."
+        half = tuple(f".{path.name}." for path in (self._description, self.demonstrations))
         ignored = self._lock, self.error, self.demonstrations
         return all(path in ignored or path.name.startswith(half) for path in paths)
 

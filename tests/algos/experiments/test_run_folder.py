@@ -23,7 +23,8 @@ def run(tmp_path):
     return RunFolder(tmp_path / "runs" / "mine")
 
 
-def test_a_run_begins_where_a_kill_left_half_of_its_first_file(run, monkeypatch):
+@pytest.mark.parametrize("name", ["run.json", "demonstrations.npz"])
+def test_a_run_begins_where_a_kill_left_half_of_its_first_file(run, name, monkeypatch):
     def kill(old, new):
         raise SystemExit
 
@@ -31,7 +32,7 @@ def test_a_run_begins_where_a_kill_left_half_of_its_first_file(run, monkeypatch)
         patch.setattr(os, "replace", kill)
         patch.setattr(Path, "unlink", lambda self, missing_ok: None)
         with pytest.raises(SystemExit):
-            run.begin({})
+            write_json(run.path / name, {})
     assert [path.suffix for path in run.path.iterdir()] == [".tmp"]
     assert run.is_empty()
     run.begin({})

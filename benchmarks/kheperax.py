@@ -1,0 +1,163 @@
+"""Searches on pyribs' own maze: `python -m benchmarks.kheperax run NAME SEED`.
+
+pyribs' tutorial `ns_maze` plays Kheperax's maze with a target: 375,000 episodes of 250 steps, by
+policies of 138 weights. It counts in how many cells of a grid episodes end. Here searches play as
+many episodes with as many weights, and are counted alike.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+import typer
+from ribs.archives import ProximityArchive
+from ribs.emitters import EvolutionStrategyEmitter
+from ribs.schedulers import Scheduler
+
+from benchmarks.kheperax_maze import (
+    EPISODE,
+    HIDDEN,
+    MLP,
+    KheperaxEvaluator,
+    KheperaxSpaces,
+    Record,
+)
+from benchmarks.measure import markdown
+from benchmarks.results import FOLDER, add_rows
+from curiosity_algos import NSES, NSLC, CuriosityES, CuriosityMAPElites
+
+app = typer.Typer(pretty_exceptions_enable=False)
+KEYS = ["algorithm", "seed", "steps"]
+N_POLICIES = 150
+"""Of a generation, as pyribs' five emitters give; learning from fewer would take longer."""
+STEPS = 2500 * N_POLICIES * EPISODE
+"""pyribs' budget; an episode counts whole, even if it comes to the target before."""
+N_POINTS = 100
+"""Of a curve."""
+
+
+def learn(algorithm: Any, evaluator: KheperaxEvaluator, seed: int, **settings: Any) -> None:
+    """Let a search of this package play, with its defaults beside these settings."""
+    model = algorithm(
+        KheperaxSpaces(),
+        policy_kwargs={"net_arch": HIDDEN},
+        evaluator=evaluator,
+        population_size=N_POLICIES,
+        seed=seed,
+        n_threads=1,
+        device="cpu",
+        **settings,
+    )
+    record = evaluator.record
+    steps = record.n_episodes * EPISODE
+    model.learn(steps, lambda *_: not record.is_full, log_interval=None)
+
+
+def novelty_search(evaluator: KheperaxEvaluator, seed: int) -> None:
+    """The tutorial's own search, with a seed."""
+    import jax
+
+    # As Kheperax begins its networks: LeCun's uniform weights, and no biases.
+    keys = jax.random.split(jax.random.PRNGKey(seed), len(MLP.sizes))
+    draw = jax.nn.initializers.lecun_uniform()
+    x0 = np.concatenate(
+        [
+            np.append(draw(key, (n_in, n_out)), np.zeros(n_out))
+            for key, (n_in, n_out) in zip(keys, pairwise(MLP.sizes.tolist()), strict=False)
+        ]
+    )
+    archive = ProximityArchive(
+        solution_dim=x0.size, measure_dim=2, k_neighbors=15, novelty_threshold=0.01, seed=seed
+    )
+    rules = {"ranker": "nov", "selection_rule": "mu", "restart_rule": "basic"}
+    size = N_POLICIES // 5
+    seeds = np.random.SeedSequence(seed).generate_state(5).tolist()
+    emitters = [
+        EvolutionStrategyEmitter(archive, x0=x0, sigma0=0.5, batch_size=size, seed=each, **rules)
+        for each in seeds
+    ]
+    scheduler = Scheduler(archive, emitters)
+    while not evaluator.record.is_full:
+        rollouts = evaluator.evaluate(scheduler.ask())
+        scheduler.tell(rollouts.returns, rollouts.behaviors)
+
+
+NOTHING, POSITION = "nothing", "x and y"
+SEARCHES: dict[str, tuple[str, Callable[[KheperaxEvaluator, int], None]]] = {
+    "CuriosityES": (NOTHING, partial(learn, CuriosityES)),
+    "NSLC-learned": (NOTHING, partial(learn, NSLC, behavior="learned")),
+    "CuriosityMAPElites": (POSITION, partial(learn, CuriosityMAPElites)),
+    "NSES": (POSITION, partial(learn, NSES)),
+    "pyribs": (POSITION, novelty_search),
+}
+"""By name what a search is told of where episodes end, and the search."""
+PUBLISHED = {
+    **{"algorithm": "pyribs, as its page reports", "told": POSITION, "steps": STEPS},
+    **{"coverage": 0.8893, "seconds": 225},
+}
+"""Of https://docs.pyribs.org/en/stable/tutorials/ns_maze.html."""
+
+
+@app.callback()
+def main() -> None:
+    """Searches on pyribs' own maze."""
+
+
+@app.command()
+def run(
+    name: Annotated[str, typer.Argument(help=f"One of {', '.join(SEARCHES)}.")],
+    seed: int,
+    steps: Annotated[float, typer.Option(min=EPISODE, help="The budget.")] = STEPS,
+    smoke: Annotated[bool, typer.Option(help="Play 600 episodes, and keep no row.")] = False,
+    out: Annotated[Path, typer.Option(help="Where the CSV files go.")] = FOLDER,
+) -> None:
+    """Search until the budget is spent, and note the coverage."""
+    record = Record(600 if smoke else int(steps) // EPISODE)
+    told, search = SEARCHES[name]
+    begin = time.perf_counter()
+    search(KheperaxEvaluator(record), seed)
+    seconds = time.perf_counter() - begin
+    of_run = {"algorithm": name, "told": told, "seed": seed, "steps": record.n_episodes * EPISODE}
+    row = {**of_run, "coverage": record.coverage(), "seconds": round(seconds)}
+    typer.echo(row)
+    if not smoke:
+        add_rows(pd.DataFrame([row]), out / "kheperax.csv", KEYS)
+        add_rows(pd.DataFrame(curve(record, name, seed)), out / "kheperax_curves.csv", KEYS)
+
+
+def curve(record: Record, name: str, seed: int) -> list[dict[str, Any]]:
+    """The coverage after each hundredth of the budget."""
+    times = (np.linspace(0.0, record.n_episodes, N_POINTS + 1)[1:]).astype(int)
+    return [
+        {"algorithm": name, "seed": seed, "steps": n * EPISODE, "coverage": record.coverage(n)}
+        for n in times.tolist()
+    ]
+
+
+def table(values: pd.DataFrame) -> str:
+    """A row for each search and budget, those that cover most first; pyribs' page is one more."""
+    runs = pd.concat([values, pd.DataFrame([PUBLISHED])])
+    rows = []
+    for (steps, name, told), group in runs.groupby(["steps", "algorithm", "told"]):
+        shares = 100.0 * group["coverage"]
+        span = f" ({shares.min():.1f} to {shares.max():.1f})" if len(group) > 1 else ""
+        cells = [
+            str(len(group)),
+            f"{shares.median():.1f}{span}",
+            f"{group['seconds'].median():.0f}",
+        ]
+        rows.append((steps, shares.median(), [name, told, f"{steps / 1e6:.2f}", *cells]))
+    rows.sort(key=lambda row: row[:2], reverse=True)
+    head = ["Search", "Told", "Steps (M)", "Runs", "Coverage (%)", "Seconds"]
+    return markdown(head, [cells for *_, cells in rows])
+
+
+if __name__ == "__main__":
+    app()

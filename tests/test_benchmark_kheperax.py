@@ -89,14 +89,16 @@ def test_a_run_spends_its_budget_and_is_kept(name, tmp_path):
     assert curve["coverage"].iloc[-1] == row["coverage"] > 0.0
 
 
-def test_the_table_has_the_published_run_beside_the_others():
-    rows = [("NSES", "x and y", seed, 93.75e6, 0.5 + seed / 10, 60 * seed) for seed in range(3)]
-    rows += [("CuriosityES", "nothing", 0, steps, 0.9, 10) for steps in (9.375e6, 93.75e6)]
+def test_the_table_has_the_published_run_beside_the_others(tmp_path):
+    rows = [("NSES", "x and y", seed, 93.75e6, 0.5 + seed / 10, 375) for seed in range(3)]
+    rows += [("CuriosityES", "nothing", 0, 9.375e6, 0.3, 93.75)]
     columns = ["algorithm", "told", "seed", "steps", "coverage", "seconds"]
-    lines = kheperax.table(pd.DataFrame(rows, columns=columns)).splitlines()
-    assert lines[2:] == [
-        "| CuriosityES | nothing | 93.75 | 1 | 90.0 | 10 |",
-        "| pyribs, as its page reports | x and y | 93.75 | 1 | 88.9 | 225 |",
-        "| NSES | x and y | 93.75 | 3 | 60.0 (50.0 to 70.0) | 60 |",
-        "| CuriosityES | nothing | 9.38 | 1 | 90.0 | 10 |",
+    runs = pd.DataFrame(rows, columns=columns)
+    curves = pd.concat([runs, runs[:3].assign(steps=9.375e6, coverage=0.25)])
+    for name, values in {"kheperax": runs, "kheperax_curves": curves}.items():
+        values.to_csv(tmp_path / f"{name}.csv", index=False)
+    assert kheperax.table(tmp_path).splitlines()[2:] == [
+        "| pyribs, as its page reports | x and y | 1 of 1 |  | 88.9 | 2.4 |",
+        "| NSES | x and y | 3 of 3 | 25.0 (25.0 to 25.0) | 60.0 (50.0 to 70.0) | 4.0 |",
+        "| CuriosityES | nothing | 0 of 1 | 30.0 |  | 10.0 |",
     ]

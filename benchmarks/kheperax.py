@@ -1,4 +1,4 @@
-"""Searches on pyribs' own maze: `python -m benchmarks.kheperax run NAME SEED`.
+"""Searches on pyribs' own maze: `python -m benchmarks.kheperax NAME SEED`.
 
 pyribs' tutorial `ns_maze` plays Kheperax's maze with a target: 375,000 episodes of 250 steps, by
 policies of 138 weights. It counts in how many cells of a grid episodes end. Here searches play as
@@ -33,7 +33,6 @@ from benchmarks.measure import markdown
 from benchmarks.results import FOLDER, add_rows, read_curves, read_rows
 from curiosity_algos import NSES, NSLC, CuriosityES, CuriosityMAPElites
 
-app = typer.Typer(pretty_exceptions_enable=False)
 KEYS = ["algorithm", "seed", "steps"]
 N_POLICIES = 150
 """Of a generation, as pyribs' five emitters give; learning from fewer would take longer."""
@@ -108,13 +107,7 @@ PUBLISHED |= {"coverage": 0.8893, "seconds": 225}
 """Of https://docs.pyribs.org/en/stable/tutorials/ns_maze.html."""
 
 
-@app.callback()
-def main() -> None:
-    """Searches on pyribs' own maze."""
-
-
-@app.command()
-def run(
+def main(
     name: Annotated[str, typer.Argument(help=f"One of {', '.join(SEARCHES)}.")],
     seed: int,
     steps: Annotated[float, typer.Option(min=EPISODE, help="The budget.")] = STEPS,
@@ -170,4 +163,4 @@ def _span(shares: pd.Series) -> str:
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -80,7 +80,7 @@ def test_coverage_counts_cells_in_the_order_of_episodes():
 @pytest.mark.nightly
 def test_a_run_spends_its_budget_and_is_kept(name, tmp_path):
     pytest.importorskip("kheperax")
-    kheperax.run(name, 100, steps=400 * 250, out=tmp_path)
+    kheperax.main(name, 100, steps=400 * 250, out=tmp_path)
     (row,) = pd.read_csv(tmp_path / "kheperax.csv").to_dict("records")
     assert (row["algorithm"], row["seed"], row["steps"]) == (name, 100, 100_000)
     curve = pd.read_csv(tmp_path / "kheperax_curves.csv")

@@ -174,7 +174,7 @@ def _row(folder: Path) -> dict[str, Any]:
     elif is_pretrained:
         policy = load_pretrained("curiosity_es", task.env)
         search_solved = int(evaluate_starts(policy, task.env).success.sum())
-    elif "starts" in search:
+    elif search.get("starts"):
         search_solved = search["starts"]["success"]
     else:  # all start alike
         search_solved = int(film.play(folder / "search") > 0.0)

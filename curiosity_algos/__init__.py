@@ -1,16 +1,17 @@
 """Curiosity-driven policy search behind Stable-Baselines3's API.
 
 What is in here is imported when it is first asked for: PyTorch and pyribs take seconds, which the
-command needs neither to print its help nor to complete a word. The names are in `__init__.pyi`.
+command needs neither to print its help nor to complete a word. The names are in `__init__.pyi`,
+which is read here and has to be shipped.
 """
 
 import ast
 from importlib import import_module
-from importlib.resources import files
+from pathlib import Path
 
 import curiosity_gym  # noqa: F401  registers the ids
 
-_STUB = ast.parse(files(__name__).joinpath("__init__.pyi").read_text(encoding="utf-8"))
+_STUB = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
 _MODULES = {
     alias.name: str(imported.module)
     for imported in _STUB.body

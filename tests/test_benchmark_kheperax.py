@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+import typer
 
 from benchmarks import kheperax, kheperax_maze
 from benchmarks.kheperax_maze import MLP, Record
@@ -76,6 +77,11 @@ def test_coverage_counts_cells_in_the_order_of_episodes():
         assert row["coverage"] == share_of_cells(within)
 
 
+def test_names_are_checked_first():
+    with pytest.raises(typer.BadParameter, match="The name is one of CuriosityES, NSLC, learned"):
+        kheperax.main("Nses", 0)
+
+
 @pytest.mark.parametrize("name", kheperax.SEARCHES)
 @pytest.mark.nightly
 def test_a_run_spends_its_budget_and_is_kept(name, tmp_path):
@@ -90,15 +96,16 @@ def test_a_run_spends_its_budget_and_is_kept(name, tmp_path):
 
 
 def test_the_table_has_the_published_run_beside_the_others(tmp_path):
-    rows = [("NSES", "x and y", seed, 93.75e6, 0.5 + seed / 10, 375) for seed in range(3)]
-    rows += [("CuriosityES", "nothing", 0, 9.375e6, 0.3, 93.75)]
-    columns = ["algorithm", "told", "seed", "steps", "coverage", "seconds"]
+    rows = [("NSES", seed, 93.75e6, 0.5 + seed / 10, 375) for seed in range(3)]
+    rows += [("CuriosityES", 0, 9.375e6, 0.3, 93.75), ("NSLC, learned", 0, 9.375e6, 0.2, np.nan)]
+    columns = ["algorithm", "seed", "steps", "coverage", "seconds"]
     runs = pd.DataFrame(rows, columns=columns)
     curves = pd.concat([runs, runs[:3].assign(steps=9.375e6, coverage=0.25)])
     for name, values in {"kheperax": runs, "kheperax_curves": curves}.items():
         values.to_csv(tmp_path / f"{name}.csv", index=False)
     assert kheperax.table(tmp_path).splitlines()[2:] == [
-        "| pyribs, as its page reports | x and y | 1 of 1 |  | 88.9 | 2.4 |",
-        "| NSES | x and y | 3 of 3 | 25.0 (25.0 to 25.0) | 60.0 (50.0 to 70.0) | 4.0 |",
-        "| CuriosityES | nothing | 0 of 1 | 30.0 |  | 10.0 |",
+        "| pyribs, as its page reports | yes |  |  | 88.9 |  |",
+        "| NSES | yes | 3 of 3 | 25.0 (25.0 to 25.0) | 60.0 (50.0 to 70.0) | 4.0 |",
+        "| CuriosityES | no | 0 of 1 | 30.0 |  | 10.0 |",
+        "| NSLC, learned | no | 0 of 1 | 20.0 |  |  |",
     ]

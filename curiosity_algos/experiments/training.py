@@ -39,13 +39,12 @@ def is_finished(run: RunSpec, folder: Path) -> bool:
     with _env_of(model):
         check_same(folder, stored.describe(), describe_run(model))
     result = stored.result()
-    return bool(result) and result["timesteps"] >= run.timesteps and _is_measured(run, result)
+    return bool(result) and result["timesteps"] >= run.timesteps and _is_measured(result)
 
 
-def _is_measured(run: RunSpec, result: Mapping[str, Any]) -> bool:
+def _is_measured(result: Mapping[str, Any]) -> bool:
     """Whether `learn` has ended, and its policy was tried from unseen starts if it is to be."""
-    is_owed = "starts" not in result and _has_found(result)
-    return bool(result["ended"]) and not (is_owed and _has_starts(run))
+    return bool(result.get("ended")) and ("starts" in result or not _has_found(result))
 
 
 def train(
@@ -82,7 +81,7 @@ def train(
     model = run.make() if checkpoint is None else run.load(checkpoint)
     with _env_of(model):
         is_over = enough is not None and enough.is_over(model)
-        if is_over and _is_measured(run, RunFolder(folder).result()):
+        if is_over and _is_measured(RunFolder(folder).result()):
             return False
         RunFolder(folder).lock().release()  # raises where another process trains
         with _traceback_kept(folder), closing(save):
@@ -127,22 +126,16 @@ def _learn(
 
 
 def _measure_starts(model: BaseAlgorithm, run: RunSpec, folder: RunFolder) -> None:
-    """Note from how many unseen starts the policy comes to what the run has come to."""
-    if _has_found(folder.result()) and _has_starts(run):
+    """Note from how many unseen starts the policy comes to what the run has; None: there is one."""
+    if _has_found(folder.result()):
         with closing(run.make_single()) as env:
-            folder.note(starts=evaluate_starts(model, env).counts)
+            folder.note(starts=evaluate_starts(model, env).counts if is_drawn(env) else None)
 
 
 def _has_found(result: Mapping[str, Any]) -> bool:
     """Whether a run has had a success or a reward."""
     events = ("first_success_timesteps", "first_reward_timesteps")
     return any(result.get(event) is not None for event in events)
-
-
-def _has_starts(run: RunSpec) -> bool:
-    """Whether the starts of its environment are drawn."""
-    with closing(run.make_single()) as env:
-        return is_drawn(env)
 
 
 def _env_of(model: BaseAlgorithm) -> closing[VecEnv]:

@@ -52,9 +52,10 @@ class Told(Walk):
         return *step, is_over, is_cut, info | {"behavior": behavior}
 
 
-def make_walk():
-    space = spaces.Box(0, 10, (1,))
-    return BehaviorWrapper(Walk(), lambda env, observation, info: observation, space)
+def make_walk(n_episodes=0):
+    space, walk = spaces.Box(0, 10, (1,)), Walk()
+    walk.n_episodes = n_episodes
+    return BehaviorWrapper(walk, lambda env, observation, info: observation, space)
 
 
 def train(env, n_steps, callback, logger=None):
@@ -74,6 +75,17 @@ def test_it_counts_where_episodes_end():
     other.load_state_dict(callback.state_dict())
     assert other.coverage.all == 5 / 50
     assert (other.first_success_timesteps, other.best_return) == (6, 15.0)
+
+
+def test_it_counts_those_episodes_that_have_ended():
+    before = iter(
+        [0, 4]
+    )  # of 1, 2 and 3 steps; of 5 steps, in which it succeeds from the second on
+    venv = make_vec_env(lambda: make_walk(next(before)), n_envs=2)
+    callback = train(venv, 6, ExplorationCallback())
+    assert callback.coverage.all == 4 / 50
+    assert (callback.first_reward_timesteps, callback.first_success_timesteps) == (2, 10)
+    assert callback.best_return == 15.0
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])

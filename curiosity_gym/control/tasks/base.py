@@ -50,6 +50,7 @@ class ControlTask:
     projections: ClassVar[Mapping[str, tuple[int, ...]]] = {}
     """By name, entries of the behavior that are also counted alone."""
     behavior_names: ClassVar[tuple[str, ...]]
+    """Of each entry lower-case words and its unit, such as "ball x (m)"."""
     behavior_low: Float64Array
     behavior_high: Float64Array
 

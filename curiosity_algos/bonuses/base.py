@@ -189,6 +189,11 @@ class NetworkBonus(HasSettings, th.nn.Module, Bonus):
         own = [cls for cls in type(self).__mro__ if cls.__module__.startswith("curiosity_algos.")]
         self._settled = {name for cls in own for name in keyword_only(cls)} & vars(self).keys()
         trained = [each for each in self.parameters() if each.requires_grad]
+        if not trained:
+            raise ValueError(
+                f"{type(self).__name__} must have a parameter that is trained, as a NetworkBonus "
+                "has: a bonus without any is an object with the methods of `Bonus`."
+            )
         self.optimizer = th.optim.Adam(trained, lr=self.learning_rate, fused=True)
 
     @abstractmethod

@@ -71,7 +71,7 @@ def test_a_run_says_from_how_many_unseen_starts_its_policy_succeeds(search, tmp_
     one_start = RunSpec("canonical_es", "CuriosityMaze-Hard-v0", 0, 1, {"goal_radius": 150.0})
     train(one_start, tmp_path)
     assert Run(tmp_path).result["first_success_timesteps"]
-    assert "starts" not in Run(tmp_path).result
+    assert Run(tmp_path).result["starts"] is None
 
 
 def test_a_training_that_was_interrupted_ends_as_if_it_had_not_been(

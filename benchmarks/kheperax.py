@@ -136,19 +136,19 @@ def curve(record: Record, name: str, seed: int) -> list[dict[str, Any]]:
 
 
 def table(folder: Path = FOLDER) -> str:
-    """A row for each search, those that cover most first, and one of what pyribs' page reports."""
+    """A row for each search, whole runs first, and one of what pyribs' page reports."""
     runs, curves = read_rows("kheperax", folder), read_curves("kheperax", folder)
     published = ["pyribs, as its page reports", YES, "", f"{PUBLISHED:.1f}", ""]
-    rows = [(PUBLISHED, published)]
+    rows = [((True, PUBLISHED), published)]
     for name, group in runs.groupby("algorithm"):
         own = curves[curves["algorithm"] == name]
         early, late = (100.0 * own.loc[own["steps"] == n, "coverage"] for n in (STEPS / 10, STEPS))
         pace = (1e6 * group["seconds"] / group["steps"]).median()
         cells = [_span(early), _span(late), "" if np.isnan(pace) else f"{pace:.1f}"]
-        # Those without a whole run come last.
-        share = late.median() if len(late) else early.median() - 100.0
-        rows.append((share, [name, SEARCHES[name][0], *cells]))
-    rows.sort(key=lambda row: -row[0])
+        is_whole = len(late) > 0
+        rank = is_whole, (late if is_whole else early).median()
+        rows.append((rank, [name, SEARCHES[name][0], *cells]))
+    rows.sort(reverse=True)
     budgets = [f"Coverage (%), {n / 1e6:.4g} M steps" for n in (STEPS / 10, STEPS)]
     head = ["Search", "Told positions", *budgets, "Processor seconds per M steps"]
     return markdown(head, [cells for _, cells in rows])

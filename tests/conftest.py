@@ -21,7 +21,7 @@ from curiosity_gym.processors import available_cpus
 
 # PyTorch's CUDA build imports it with the first optimizer: after software OpenGL, that is a crash.
 with contextlib.suppress(ImportError):
-    import triton  # noqa: F401
+    import triton  # noqa: F401  to be there before OpenGL
 
 # Beside other tests, torch's threads only wait for each other.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -77,21 +77,22 @@ def train(
     save = SaveRun(folder, interval=interval, save_replay_buffer=True)
     if is_finished(run, folder):
         return False
-    checkpoint = RunFolder(folder).checkpoint
+    stored = RunFolder(folder)
+    checkpoint, result = stored.checkpoint, stored.result()
     model = run.make() if checkpoint is None else run.load(checkpoint)
     with _env_of(model):
         is_over = enough is not None and enough.is_over(model)
-        if is_over and _is_measured(RunFolder(folder).result()):
+        if is_over and _is_measured(result):
             return False
-        RunFolder(folder).lock().release()  # raises where another process trains
+        stored.lock().release()  # raises where another process trains
         with _traceback_kept(folder), closing(save):
             rest = 0 if is_over else max(0, int(run.timesteps) - model.num_timesteps)
             # What a checkpoint is to hold is changed before it is saved.
             settles = [] if run.settle is None else [SettleCallback(run.settle)]
             callbacks: list[BaseCallback] = [*settles, save, *([] if enough is None else [enough])]
-            if rest or not RunFolder(folder).result().get("ended"):
+            if rest or not result.get("ended"):
                 _learn(model, save, callbacks, rest, progress_bar=progress_bar)
-            _measure_starts(model, run, RunFolder(folder))
+            _measure_starts(model, run, stored)
     return True
 
 

@@ -140,6 +140,7 @@ class GymnasiumVecEnv(VecEnv):
         chosen = set(self._get_indices(indices))
         values = self.get_attr(attr_name) if len(chosen) < self.num_envs else [None] * self.num_envs
         values = [value if i in chosen else values[i] for i in range(self.num_envs)]
+        # Of Gymnasium's VectorEnv alone some subclasses have it.
         self.vector_env.unwrapped.set_attr(attr_name, values)  # type: ignore[attr-defined]
 
     def env_method(

@@ -27,15 +27,37 @@ def test_parents_are_the_most_curious_of_their_tournaments(make_model, make_easy
     assert len(np.unique(scored)) > 4
 
 
-def test_what_is_kept_are_steps_of_each_episode(make_model, make_easy_maze):
-    rollouts = make_rollouts()
-    fields = make_model(CuriosityMAPElites, make_easy_maze())._fields(rollouts)
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_what_is_kept_are_steps_of_each_episode(is_discrete, make_model, make_easy_maze):
+    rollouts = make_rollouts(is_discrete)
+    fields = make_model(CuriosityMAPElites, make_easy_maze(), n_kept=60)._fields(rollouts)
     np.testing.assert_array_equal(fields["length"], LENGTHS)
+    assert fields["actions"].dtype == rollouts.actions.dtype
     for i, seen in enumerate(rollouts.observations):
-        steps = zip(fields["observations"][i], fields["next_observations"][i], strict=True)
-        for before, after in steps:
-            t = np.flatnonzero((seen == before).all(axis=1)).item()
-            np.testing.assert_array_equal(after, seen[t + 1])
+        times = [
+            np.flatnonzero((seen == before).all(axis=1)).item()
+            for before in fields["observations"][i]
+        ]
+        assert set(times) == set(range(LENGTHS[i]))
+        np.testing.assert_array_equal(fields["next_observations"][i], seen[np.array(times) + 1])
+        np.testing.assert_array_equal(fields["actions"][i], rollouts.actions[i][times])
+
+
+def test_a_score_is_the_length_times_the_mean_of_what_is_kept(make_model, make_easy_maze):
+    model = make_model(CuriosityMAPElites, make_easy_maze()).learn(2000)
+    elites = model.archive.sample_elites(5)
+    expected = []
+    for i, length in enumerate(elites["length"]):
+        total = 0.0
+        for t in range(model.n_kept):
+            names = ("observations", "actions", "next_observations")
+            total += float(
+                model._motivation.bonus.score(*(elites[n][i, t : t + 1] for n in names))[0]
+            )
+        expected.append(length * total / model.n_kept)
+    scores = model._score(elites)
+    assert scores.dtype == np.float64
+    np.testing.assert_allclose(scores, expected, rtol=1e-5)
 
 
 def test_the_module_learns_from_every_generation(make_model, make_easy_maze):
@@ -83,7 +105,9 @@ class Precise(gym.Wrapper):
 
 
 def test_actions_of_double_precision(make_model, make_easy_maze):
-    make = lambda: Precise(make_easy_maze())  # noqa: E731
+    def make():
+        return Precise(make_easy_maze())
+
     model = make_model(CuriosityMAPElites, make()).learn(1500)
     assert model.archive.verify(make()).share == 1.0
 

@@ -78,14 +78,20 @@ def test_it_counts_where_episodes_end():
 
 
 def test_it_counts_those_episodes_that_have_ended():
-    before = iter(
-        [0, 4]
-    )  # of 1, 2 and 3 steps; of 5 steps, in which it succeeds from the second on
+    # Of 1, 2 and 3 steps; of 5 steps, in which it succeeds from the second on.
+    before = iter([0, 4])
     venv = make_vec_env(lambda: make_walk(next(before)), n_envs=2)
     callback = train(venv, 6, ExplorationCallback())
     assert callback.coverage.all == 4 / 50
     assert (callback.first_reward_timesteps, callback.first_success_timesteps) == (2, 10)
     assert callback.best_return == 15.0
+
+
+def test_a_bad_episode_is_no_reward():
+    venv = make_vec_env(lambda: gym.wrappers.TransformReward(make_walk(), lambda reward: -reward))
+    callback = train(venv, 3, ExplorationCallback())  # of 1 and 2 steps
+    assert callback.best_return == -1.0
+    assert (callback.first_reward_timesteps, callback.first_success_timesteps) == (None, None)
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])

@@ -1,11 +1,12 @@
 """Puts the page that plays mazes in the browser beside the built documentation.
 
 `python docs/play.py FOLDER` makes it alone: `FOLDER/index.html` needs no server. Mazes and policies
-are those that come with the packages.
+are those that come with the packages. `python docs/play.py --search` searches its archives anew.
 """
 
 from __future__ import annotations
 
+import base64
 import inspect
 import json
 import re
@@ -18,35 +19,41 @@ import gymnasium as gym
 import numpy as np
 
 import curiosity_gym  # noqa: F401  registers the ids
+from curiosity_algos import NSLC
+from curiosity_algos.common.arrays import Array
 from curiosity_algos.experiments.pretrained import PRETRAINED, load_pretrained
 from curiosity_gym.maze.maze_env import MazeEnv
 
 SOURCE = Path(__file__).parent / "play"
+ARCHIVES = SOURCE / "archives.npz"
+SIDE = 10.0
+"""Of the squares (maze units) of which an archive has one policy each."""
 BUILT_IN = ("US", "Hard", "Snake", "Labyrinth")
 DRAWN = "loops-8x8-seed10"
 CONSTANTS = ("max_speed", "max_acceleration", "restitution", "goal_radius", "n_beams")
 
 
 def data() -> dict[str, Any]:
-    """What the page plays: layouts, their constants, and the weights of policies by maze."""
+    """What the page plays: layouts, their constants, and policies and archives by maze."""
     envs: dict[str, Any] = {name: gym.make(f"CuriosityMaze-{name}-v0") for name in BUILT_IN}
     envs["One drawn at random"] = gym.make("CuriosityMaze-v0", layout=DRAWN)
     mazes = {name: described(env.unwrapped.layout) for name, env in envs.items()}
-    policies: dict[str, dict[str, list[float]]] = {name: {} for name in BUILT_IN}
+    policies: dict[str, dict[str, Any]] = {name: {} for name in BUILT_IN}
     for algorithm, env_id in sorted(PRETRAINED, key=lambda pair: pair[0] != "CuriosityES"):
         name = env_id.split("-")[1]
         if env_id.startswith("CuriosityMaze-"):
-            policies[name][f"{algorithm}, found by search"] = weights(algorithm, env_id)
+            policy = load_pretrained(algorithm, env_id)
+            known = {"sizes": policy.mlp.sizes.tolist(), "weights": packed(policy.vector)}
+            policies[name][f"{algorithm}, found by search"] = known
     env = envs["US"].unwrapped
-    sizes = [env.observation_space.shape[0], 32, 16, env.action_space.shape[0]]
     keywords = inspect.signature(MazeEnv).parameters
     constants = {name: keywords[name].default for name in CONSTANTS}
     return {
         "mazes": mazes,
         "policies": policies,
+        "archives": archives(),
         "constants": constants,
         "horizon": env.horizon,
-        "sizes": sizes,
     }
 
 
@@ -61,15 +68,43 @@ def described(layout: Any) -> dict[str, Any]:
     }
 
 
-def weights(algorithm: str, env_id: str) -> list[float]:
-    """The parameters of a policy, as few digits as give the same float32."""
-    vector = load_pretrained(algorithm, env_id).vector
-    return [float(np.format_float_scientific(each, unique=True)) for each in vector]
+def packed(weights: Array) -> str:
+    """Numbers as text: their float32 bytes."""
+    return base64.b64encode(weights.astype("<f4").tobytes()).decode()
+
+
+def archives() -> dict[str, Any]:
+    """Of each built-in maze linear policies, and the squares that their episodes end in."""
+    with np.load(ARCHIVES) as saved:
+        return {
+            name: {
+                "sizes": saved["sizes"].tolist(),
+                "weights": packed(saved[f"{name}/weights"]),
+                "squares": saved[f"{name}/squares"].tolist(),
+                "side": SIDE,
+            }
+            for name in BUILT_IN
+        }
+
+
+def search(timesteps: float = 3e7) -> None:
+    """Let NSLC fill an archive for each maze, and keep the best policy of each square."""
+    arrays: dict[str, Array] = {}
+    for name in BUILT_IN:
+        model = NSLC(f"CuriosityMaze-{name}-v0", seed=0, policy_kwargs={"net_arch": []})
+        elites = model.learn(timesteps).archive.data()
+        order = np.argsort(-elites["objective"], kind="stable")
+        squares = (elites["measures"][order, :2] // SIDE).astype(np.int64)
+        squares, first = np.unique(squares, axis=0, return_index=True)
+        arrays[f"{name}/squares"] = squares
+        arrays[f"{name}/weights"] = elites["solution"][order[first]]
+    np.savez_compressed(ARCHIVES, sizes=np.array(model.policy.mlp.sizes), **arrays)
 
 
 def write(folder: Path, *, is_alone: bool = True) -> None:
     """Write the page and its data into a folder; alone, it links to no other page."""
-    shutil.copytree(SOURCE, folder, dirs_exist_ok=True)
+    ignored = shutil.ignore_patterns(ARCHIVES.name)
+    shutil.copytree(SOURCE, folder, dirs_exist_ok=True, ignore=ignored)
     if is_alone:
         page = folder / "index.html"
         page.write_text(re.sub(r'<a href="\.\./.*?</a>', "", page.read_text(), flags=re.DOTALL))
@@ -87,4 +122,4 @@ def setup(app: Any) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    write(Path(sys.argv[1]))
+    search() if sys.argv[1] == "--search" else write(Path(sys.argv[1]))

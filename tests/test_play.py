@@ -1,5 +1,6 @@
 """The page that plays mazes in the browser computes what the packages do."""
 
+import base64
 import html
 import json
 import re
@@ -10,14 +11,17 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from curiosity_algos.evaluation.evaluator import make_evaluator
 from curiosity_algos.experiments.pretrained import load_pretrained
 from docs import play
 
 N_STEPS = 1000
+STRIDE = 10
+SEARCHED = "CuriosityES, found by search"
 SCRIPT = """
 const { Maze, act } = require(process.argv[1]);
-const { constants, cases, sizes, horizon } = JSON.parse(require("fs").readFileSync(0, "utf8"));
-console.log(JSON.stringify(cases.map(({ layout, lidar_range, actions, parameters }) => {
+const { constants, cases, horizon } = JSON.parse(require("fs").readFileSync(0, "utf8"));
+console.log(JSON.stringify(cases.map(({ layout, lidar_range, actions, policies }) => {
   const maze = new Maze(layout, { ...constants, lidar_range });
   const state = [...layout.start, 0, 0], states = [], seen = [];
   for (const action of actions) {
@@ -25,13 +29,15 @@ console.log(JSON.stringify(cases.map(({ layout, lidar_range, actions, parameters
     states.push([...state]);
     seen.push([...maze.observe(state)]);
   }
-  const weights = Float32Array.from(parameters), robot = [...layout.start, 0, 0];
-  const moves = [];
-  while (moves.length < horizon && !maze.isAtGoal(robot)) {
-    moves.push([...act(sizes, weights, maze.observe(robot))]);
-    maze.step(robot, moves.at(-1));
-  }
-  return { states, seen, moves };
+  const episodes = policies.map(({ sizes, parameters }) => {
+    const weights = Float32Array.from(parameters), robot = [...layout.start, 0, 0], moves = [];
+    while (moves.length < horizon && !maze.isAtGoal(robot)) {
+      moves.push([...act(sizes, weights, maze.observe(robot))]);
+      maze.step(robot, moves.at(-1));
+    }
+    return { moves, end: robot.slice(0, 2) };
+  });
+  return { states, seen, episodes };
 })));
 """
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
@@ -56,30 +62,45 @@ def walk(env, rng):
     return actions, np.array(states), np.array(seen)
 
 
+def unpacked(known):
+    """The weights of a policy, or of several, (n, n_parameters)."""
+    weights = np.frombuffer(base64.b64decode(known["weights"]), dtype="<f4")
+    return weights.reshape(len(known["squares"]), -1) if "squares" in known else weights
+
+
 @needs_node
 def test_the_page_steps_as_the_kernel_does(data):
     rng = np.random.default_rng(0)
     envs = [gym.make(f"CuriosityMaze-{name}-v0") for name in play.BUILT_IN]
     walks = [walk(env, rng) for env in envs]
-    algorithm = "CuriosityES, found by search"
-    cases = [
-        {
-            "layout": data["mazes"][name],
-            "lidar_range": env.unwrapped.lidar_range,
-            "actions": actions.tolist(),
-            "parameters": data["policies"][name][algorithm],
-        }
-        for name, env, (actions, *_) in zip(play.BUILT_IN, envs, walks, strict=True)
-    ]
-    told = {name: data[name] for name in ("constants", "sizes", "horizon")} | {"cases": cases}
+    cases = []
+    for name, env, (actions, *_) in zip(play.BUILT_IN, envs, walks, strict=True):
+        known, archive = data["policies"][name][SEARCHED], data["archives"][name]
+        chosen = [(known["sizes"], unpacked(known))]
+        chosen += [(archive["sizes"], weights) for weights in unpacked(archive)[::STRIDE]]
+        cases.append(
+            {
+                "layout": data["mazes"][name],
+                "lidar_range": env.unwrapped.lidar_range,
+                "actions": actions.tolist(),
+                "policies": [
+                    {"sizes": sizes, "parameters": weights.tolist()} for sizes, weights in chosen
+                ],
+            }
+        )
+    given = {name: data[name] for name in ("constants", "horizon")} | {"cases": cases}
     command = ["node", "-e", SCRIPT, str(play.SOURCE / "maze.js")]
-    ran = subprocess.run(command, input=json.dumps(told), capture_output=True, text=True)
+    ran = subprocess.run(command, input=json.dumps(given), capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
-    for name, env, (_, states, seen), found in zip(
+    for name, env, (_, states, seen), played in zip(
         play.BUILT_IN, envs, walks, json.loads(ran.stdout), strict=True
     ):
-        np.testing.assert_array_equal(np.float32(found["states"]), states.astype(np.float32))
-        np.testing.assert_array_equal(np.float32(found["seen"]), seen)
+        np.testing.assert_array_equal(np.float32(played["states"]), states.astype(np.float32))
+        np.testing.assert_array_equal(np.float32(played["seen"]), seen)
+        found, *others = played["episodes"]
+        ends = np.array([episode["end"] for episode in others]) // play.SIDE
+        squares = np.array(data["archives"][name]["squares"][::STRIDE])
+        assert (ends == squares).all(axis=1).mean() > 0.8, name
         policy, terminated, moves = load_pretrained("CuriosityES", env.spec.id), False, []
         observation, _ = env.reset()
         while not terminated:
@@ -105,12 +126,18 @@ def test_the_page_has_every_policy_of_a_maze(data):
     known = [env for _, env in play.PRETRAINED if env.startswith("CuriosityMaze-")]
     assert sum(map(len, data["policies"].values())) == len(known)
     for policies in data["policies"].values():
-        assert next(iter(policies)).startswith("CuriosityES")
-        for weights in policies.values():
-            assert len(weights) == 1746
-    ours = data["policies"]["US"]["CuriosityES, found by search"]
+        assert next(iter(policies)) == SEARCHED
+    ours = unpacked(data["policies"]["US"][SEARCHED])
     vector = load_pretrained("CuriosityES", "CuriosityMaze-US-v0").vector
-    np.testing.assert_array_equal(np.float32(ours), vector)
+    np.testing.assert_array_equal(ours, vector)
+
+
+def test_policies_of_an_archive_end_in_their_squares(data):
+    for name, archive in data["archives"].items():
+        evaluator = make_evaluator(f"CuriosityMaze-{name}-v0", {"net_arch": []})
+        rollouts = evaluator.evaluate(unpacked(archive))
+        ends = rollouts.behaviors[:, :2] // archive["side"]
+        np.testing.assert_array_equal(ends, archive["squares"])
 
 
 PLAYED = """
@@ -130,7 +157,22 @@ const walls = maze.walls.length;
 send("pointerdown", 0.6, 0.01); send("pointermove", 0.62, 0.04); send("pointerup", 0.62, 0.04);
 send("pointerdown", 0.2, 0.01); send("pointermove", 0.3, 0.04); send("pointerup", 0.3, 0.04);
 said.push(maze.walls.length - walls, element.said.textContent);
+element.draw.click();
 element.clear.click();
+element.policy.value = ARCHIVE;
+element.policy.dispatchEvent(new Event("change"));
+element.said.textContent = "";
+told = 0;
+say();
+said.push(element.said.textContent, element.hundred.disabled);
+const [i, j] = archives[element.maze.value].squares.at(-1);
+const [x, y] = [i + 0.4, j + 0.6].map((part) => part * archive().side / maze.width);
+send("pointerdown", x, y); send("pointermove", x / 2, y); send("pointerup", x / 2, y);
+while (!episode.ended) play(episode);
+const end = episode.state.slice(0, 2).map((part) => Math.floor(part / archive().side));
+said.push(elite, end.join() === `${i},${j}`);
+element.policy.selectedIndex = 0;
+element.policy.dispatchEvent(new Event("change"));
 hundred();
 for (const one of others.episodes) while (!one.ended) play(one);
 told = 0;
@@ -145,7 +187,8 @@ document.body.dataset.said = JSON.stringify(said);
 
 @needs_chromium
 @pytest.mark.parametrize("width", [500, 1300])
-def test_the_page_plays_in_a_browser(width, tmp_path):
+def test_the_page_plays_in_a_browser(width, data, tmp_path):
+    n_elites = len(data["archives"]["US"]["squares"])
     play.write(tmp_path / "play")
     page = tmp_path / "play/index.html"
     page.write_text(page.read_text().replace("</body>", f"<script>{PLAYED}</script></body>"))
@@ -155,11 +198,16 @@ def test_the_page_plays_in_a_browser(width, tmp_path):
     command = ["chromium", *options, page.as_uri()]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=120)
     said = json.loads(html.unescape(re.search(r'data-said="(.*?)"', ran.stdout)[1]))
-    arrived, start, n_walls, refused, hundred, fits, action, is_disabled = said
+    arrived, start, n_walls, refused, *chosen = said
+    asked, is_idle, elite, is_there, hundred, fits, action, is_disabled = chosen
     assert re.fullmatch(r"Arrived after \d+ steps: a return of 0\.\d+\.", arrived)
     assert start == "50,5"
     assert n_walls == 1  # the other one would bury the start
     assert refused == "A wall must leave the start free."
+    assert asked == "Click a square: a policy plays whose episode ends there."
+    assert is_idle
+    assert elite == n_elites - 1
+    assert is_there
     assert re.search(r"Of 100 starts nearby \d+ arrived\.$", hundred)
     assert fits
     assert action == "-1,0"

@@ -1,11 +1,13 @@
 // The page: one episode that plays, and what a hundred others from starts nearby come to.
 "use strict";
 
-const { mazes, policies, constants, horizon, sizes } = DATA;
-for (const known of Object.values(policies)) {
-  for (const name of Object.keys(known)) known[name] = Float32Array.from(known[name]);
+const { mazes, policies, archives, constants, horizon } = DATA;
+for (const known of [archives, ...Object.values(policies)].flatMap(Object.values)) {
+  const bytes = Uint8Array.from(atob(known.weights), (letter) => letter.charCodeAt(0));
+  known.weights = new Float32Array(bytes.buffer);
 }
-const YOU = "You: arrow keys, or hold", N_STARTS = 100, NEARBY = 1, THINNEST = 2;
+const YOU = "You: arrow keys, or hold", ARCHIVE = "Many: click a square";
+const N_STARTS = 100, NEARBY = 1, THINNEST = 2;
 const STEERED = 10;  // units from the robot where the pointer steers as hard as may be
 const element = Object.fromEntries(
   ["world", "said", "maze", "policy", "speed", "again", "pause", "hundred", "draw", "clear"]
@@ -13,7 +15,7 @@ const element = Object.fromEntries(
 const canvas = element.world, context = canvas.getContext("2d");
 const steering = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const pressed = new Set();
-let maze, start, episode, others, drawn, dragged = null, held = null, paused = false, told = 0;
+let maze, start, episode, others, drawn, elite, dragged = null, held = null, paused = false, told = 0;
 
 function option(select, values) {
   select.replaceChildren(...values.map((value) => new Option(value, value)));
@@ -40,13 +42,37 @@ function choose() {
   drawn = [];
   build();
   start = [...maze.start];
+  elite = null;
   const known = Object.keys(policies[element.maze.value] ?? {});
-  option(element.policy, [...known, YOU]);
+  option(element.policy, [...known, ...(archives[element.maze.value] ? [ARCHIVE] : []), YOU]);
   begin();
 }
 
 function isYou() {
   return element.policy.value === YOU;
+}
+
+// The archive that a policy is chosen from, if one is.
+function archive() {
+  return element.policy.value === ARCHIVE ? archives[element.maze.value] : null;
+}
+
+// The policy that acts, or null.
+function policy() {
+  const { sizes, weights } = archive() ?? policies[element.maze.value]?.[element.policy.value] ?? {};
+  if (!archive()) return sizes ? { sizes, weights } : null;
+  if (elite === null) return null;
+  const n = weights.length / archive().squares.length;
+  return { sizes, weights: weights.subarray(elite * n, (elite + 1) * n) };
+}
+
+// The policy whose episode ends in the square next to a place.
+function pick([x, y]) {
+  const { squares, side } = archive();
+  const far = squares.map(([i, j]) => Math.hypot((i + 0.5) * side - x, (j + 0.5) * side - y));
+  elite = far.indexOf(Math.min(...far));
+  start = [...maze.start];
+  begin();
 }
 
 function newEpisode(place) {
@@ -57,14 +83,14 @@ function newEpisode(place) {
 function begin() {
   episode = newEpisode(start);
   others = null;
-  element.hundred.disabled = isYou();
+  element.hundred.disabled = !policy();
   if (paused) toggle();
   say();
 }
 
 function actionOf(seen) {
-  const known = policies[element.maze.value]?.[element.policy.value];
-  if (known) return act(sizes, known, seen);
+  const known = policy();
+  if (known) return act(known.sizes, known.weights, seen);
   if (held) return [0, 1].map((i) => (held[i] - episode.state[i]) / STEERED);
   return [...pressed].reduce(([x, y], key) => [x + steering[key][0], y + steering[key][1]], [0, 0]);
 }
@@ -82,6 +108,7 @@ function play(one) {
 function say() {
   const { t, arrived, ended } = episode;
   let text = `Step ${t} of ${horizon}.`;
+  if (archive() && elite === null) text = "Click a square: a policy plays whose episode ends there.";
   if (isYou() && !t) text = "Steer with the arrow keys, or hold the pointer where the robot shall go.";
   if (arrived) text = `Arrived after ${t} steps: a return of ${(1 - t / horizon).toFixed(3)}.`;
   else if (ended) text = `Not arrived in ${horizon} steps: a return of 0.`;
@@ -107,7 +134,7 @@ function hundred() {
 
 function frame() {
   // Who steers needs time: a step a frame, and the first one with the first key.
-  const isWaiting = isYou() && !episode.t && !pressed.size && !held;
+  const isWaiting = !policy() && !episode.t && !pressed.size && !held;
   const n = paused || isWaiting ? 0 : isYou() ? 1 : element.speed.valueAsNumber;
   for (let i = 0; i < n && !episode.ended; i++) play(episode);
   for (const begun = performance.now(); others && performance.now() - begun < 12;) {
@@ -125,9 +152,14 @@ function show() {
   const side = canvas.clientWidth, ratio = window.devicePixelRatio || 1;
   if (canvas.width !== Math.round(side * ratio)) canvas.width = canvas.height = Math.round(side * ratio);
   const scale = canvas.width / maze.width, style = getComputedStyle(document.body);
-  const color = (name) => style.getPropertyValue(name);
+  const color = (name) => style.getPropertyValue(name).trim();
   context.setTransform(scale, 0, 0, -scale, 0, canvas.height);  // y up, as in the maze
   context.clearRect(0, 0, maze.width, maze.height);
+  archive()?.squares.forEach(([i, j], k) => {
+    const width = archive().side;
+    context.fillStyle = color("--accent") + (k === elite ? "aa" : "33");
+    context.fillRect(i * width + 0.5, j * width + 0.5, width - 1, width - 1);
+  });
   context.fillStyle = color("--wall");
   for (const [x, y, w, h] of maze.walls) context.fillRect(x, y, w, h);
   if (dragged?.wall) context.fillRect(...dragged.wall);
@@ -211,7 +243,8 @@ for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (
 
 function moveStart(event) {
   const [x, y] = place(event);
-  if (isYou()) held = [x, y];
+  if (archive()) { if (event.type === "pointerdown") pick([x, y]); }
+  else if (isYou()) held = [x, y];
   else if (maze.isFree(x, y)) { start = [x, y]; begin(); }
 }
 
@@ -228,7 +261,7 @@ canvas.addEventListener("keydown", (event) => {
 canvas.addEventListener("keyup", (event) => pressed.delete(event.key));
 for (const target of [canvas, window]) target.addEventListener("blur", () => pressed.clear());
 element.maze.addEventListener("change", choose);
-element.policy.addEventListener("change", () => { begin(); if (isYou()) canvas.focus(); });
+element.policy.addEventListener("change", () => { elite = null; begin(); if (isYou()) canvas.focus(); });
 element.again.addEventListener("click", begin);
 element.pause.addEventListener("click", toggle);
 element.hundred.addEventListener("click", hundred);

@@ -1,7 +1,8 @@
-"""Puts the page that plays mazes in the browser beside the built documentation.
+"""Puts the pages of mazes that play, and of robots, beside the built documentation.
 
-`python docs/play.py FOLDER` makes it alone: `FOLDER/index.html` needs no server. Mazes and policies
-are those that come with the packages. `python docs/play.py --search` searches its archives anew.
+`python docs/play.py FOLDER` makes them alone: `FOLDER/index.html` needs no server. Mazes and
+policies are those that come with the packages. `python docs/play.py --search` searches the archives
+anew, `python docs/play_robots.py` records the robots.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos import NSLC
 from curiosity_algos.common.arrays import Array
 from curiosity_algos.experiments.pretrained import PRETRAINED, load_pretrained
+from curiosity_gym.locomotion.worlds import GOAL_RADIUS, WORLDS
 from curiosity_gym.maze.maze_env import MazeEnv
 
 SOURCE = Path(__file__).parent / "play"
-ARCHIVES = SOURCE / "archives.npz"
+ARCHIVES, EPISODES = SOURCE / "archives.npz", SOURCE / "robots.npz"
+FILES = {"DATA": "data.js", "ROBOTS": "robots_data.js"}
 SIDE = 10.0
 """Of the squares (maze units) of which an archive has one policy each."""
 BUILT_IN = ("US", "Hard", "Snake", "Labyrinth")
@@ -87,6 +90,33 @@ def archives() -> dict[str, Any]:
         }
 
 
+def robots() -> dict[str, Any]:
+    """What the page of robots shows, by title: a world, and pictures of episodes in it."""
+    shown: dict[str, Any] = {}
+    with np.load(EPISODES) as saved:
+        for name, array in saved.items():
+            title, field = name.split("/")
+            is_text = field == "pictures"
+            value = base64.b64encode(array.tobytes()).decode() if is_text else array.tolist()
+            shown.setdefault(title, {})[field] = value
+    for film in shown.values():
+        film["world"] = as_seen_from_start(film["world"])
+    return shown
+
+
+def as_seen_from_start(world: str) -> dict[str, Any]:
+    """Walls, goal and bounds of a robot's world (meters)."""
+    layout = WORLDS[world]
+    x, y = layout.start
+    return {
+        "walls": [[left - x, low - y, width, height] for left, low, width, height in layout.walls],
+        "goal": [layout.goal[0] - x, layout.goal[1] - y],
+        "goal_radius": GOAL_RADIUS,
+        "low": [-x, -y],
+        "high": [layout.width - x, layout.height - y],
+    }
+
+
 def search(timesteps: float = 3e7) -> None:
     """Let NSLC fill an archive for each maze, and keep the best policy of each square."""
     arrays: dict[str, Array] = {}
@@ -103,13 +133,15 @@ def search(timesteps: float = 3e7) -> None:
 
 def write(folder: Path, *, is_alone: bool = True) -> None:
     """Write the page and its data into a folder; alone, it links to no other page."""
-    ignored = shutil.ignore_patterns(ARCHIVES.name)
+    ignored = shutil.ignore_patterns("*.npz")
     shutil.copytree(SOURCE, folder, dirs_exist_ok=True, ignore=ignored)
     if is_alone:
-        page = folder / "index.html"
-        page.write_text(re.sub(r'<a href="\.\./.*?</a>', "", page.read_text(), flags=re.DOTALL))
-    text = json.dumps(data(), separators=(",", ":"))
-    (folder / "data.js").write_text(f"const DATA = {text};\n")
+        for page in folder.glob("*.html"):
+            text = re.sub(r'<a href="\.\./.*?</a>', "", page.read_text(), flags=re.DOTALL)
+            page.write_text(text)
+    for name, values in (("DATA", data()), ("ROBOTS", robots())):
+        text = json.dumps(values, separators=(",", ":"))
+        (folder / FILES[name]).write_text(f"const {name} = {text};\n")
 
 
 def setup(app: Any) -> dict[str, Any]:

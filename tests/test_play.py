@@ -115,11 +115,12 @@ def test_the_page_steps_as_the_kernel_does(data):
 def test_the_page_asks_nobody_else(tmp_path):
     play.write(tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"index.html", "page.css", "page.js", "maze.js", "data.js"}
+    mazes = {"index.html", "page.css", "page.js", "maze.js", "data.js"}
+    assert names == mazes | {"robots.html", "robots.js", "robots_data.js"}
     for name in names:
         text = (tmp_path / name).read_text()
         assert not re.search(r"(https?:)?//[\w-]+\.\w", text), name
-    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 1e6
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 2e6
 
 
 def test_the_page_has_every_policy_of_a_maze(data):
@@ -185,19 +186,24 @@ document.body.dataset.said = JSON.stringify(said);
 """
 
 
-@needs_chromium
-@pytest.mark.parametrize("width", [500, 1300])
-def test_the_page_plays_in_a_browser(width, data, tmp_path):
-    n_elites = len(data["archives"]["US"]["squares"])
-    play.write(tmp_path / "play")
-    page = tmp_path / "play/index.html"
-    page.write_text(page.read_text().replace("</body>", f"<script>{PLAYED}</script></body>"))
+def open_page(tmp_path, name, script, width):
+    """What a script says after it has run in a page."""
+    page = tmp_path / "play" / name
+    page.write_text(page.read_text().replace("</body>", f"<script>{script}</script></body>"))
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
     options += ["--no-first-run", "--disable-sync", f"--user-data-dir={tmp_path / 'user'}"]
     options += [f"--window-size={width},900", "--virtual-time-budget=3000", "--dump-dom"]
     command = ["chromium", *options, page.as_uri()]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    said = json.loads(html.unescape(re.search(r'data-said="(.*?)"', ran.stdout)[1]))
+    return json.loads(html.unescape(re.search(r'data-said="(.*?)"', ran.stdout)[1]))
+
+
+@needs_chromium
+@pytest.mark.parametrize("width", [500, 1300])
+def test_the_page_plays_in_a_browser(width, data, tmp_path):
+    n_elites = len(data["archives"]["US"]["squares"])
+    play.write(tmp_path / "play")
+    said = open_page(tmp_path, "index.html", PLAYED, width)
     arrived, start, n_walls, refused, *chosen = said
     asked, is_idle, elite, is_there, hundred, fits, action, is_disabled = chosen
     assert re.fullmatch(r"Arrived after \d+ steps: a return of 0\.\d+\.", arrived)
@@ -217,6 +223,56 @@ def test_the_page_plays_in_a_browser(width, data, tmp_path):
 def test_alone_the_page_links_to_no_other(tmp_path):
     play.write(tmp_path / "alone")
     play.write(tmp_path / "beside", is_alone=False)
-    alone, beside = ((tmp_path / each / "index.html").read_text() for each in ("alone", "beside"))
-    assert "<a " not in alone
-    assert beside.count("<a href=") == 2
+    for page, n_links in (("index.html", 2), ("robots.html", 1)):
+        alone, beside = ((tmp_path / each / page).read_text() for each in ("alone", "beside"))
+        assert "../" not in alone
+        assert beside.count('<a href="../') == n_links
+        assert alone.count("<a href=") == 1
+
+
+def test_recorded_robots_arrive_as_they_say():
+    for title, film in play.robots().items():
+        numbers = np.frombuffer(base64.b64decode(film["pictures"]), dtype="<i2") * 1e-3
+        pictures = numbers.reshape(sum(film["counts"]), len(film["radii"]), 2, 3)
+        torsos = pictures[np.cumsum(film["counts"]) - 1, 0].mean(axis=1)
+        distances = np.hypot(*(torsos[:, :2] - film["world"]["goal"]).T)
+        is_near = distances <= film["world"]["goal_radius"] + 0.1  # whose torso is of several parts
+        np.testing.assert_array_equal(is_near, film["success"], err_msg=title)
+        expected = 1 + np.ceil(np.array(film["lengths"]) / film["stride"])
+        np.testing.assert_array_equal(film["counts"], expected)
+
+
+SEEN = """
+const said = [];
+onerror = (text) => said.push(text);
+for (const name of Object.keys(ROBOTS)) {
+  element.policy.value = name;
+  element.policy.dispatchEvent(new Event("change"));
+  element.start.value = element.start.max;
+  element.start.dispatchEvent(new Event("input"));
+  element.time.value = element.time.max;
+  frame();
+  said.push(element.said.textContent, torsoAt(episode, element.time.valueAsNumber));
+}
+const pixels = context.getImageData(0, 0, canvas.width, canvas.height).data;
+said.push(new Set(pixels).size > 20, document.documentElement.scrollWidth <= innerWidth);
+document.body.dataset.said = JSON.stringify(said);
+"""
+
+
+@needs_chromium
+@pytest.mark.parametrize("width", [500, 1300])
+def test_the_page_shows_robots_in_a_browser(width, tmp_path):
+    play.write(tmp_path / "play")
+    *said, is_drawn, fits = open_page(tmp_path, "robots.html", SEEN, width)
+    for (title, film), text, torso in zip(
+        play.robots().items(), said[::2], said[1::2], strict=True
+    ):
+        n, arrived = len(film["counts"]), sum(film["success"])
+        assert text.startswith(f"Start {n} of {n}: ")
+        assert text.endswith(f"{arrived} of {n} arrive.")
+        assert str(film["lengths"][-1]) in text
+        distance = np.hypot(*np.subtract(torso[:2], film["world"]["goal"]))
+        assert (distance < film["world"]["goal_radius"] + 0.1) == film["success"][-1], title
+    assert is_drawn
+    assert fits

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
+import numpy as np
 import pandas as pd
 
 from benchmarks import run_tables
@@ -11,10 +12,9 @@ from benchmarks.claims import CLAIMS
 from benchmarks.judging import NOT_REPRODUCED, REPRODUCED, Verdict
 from benchmarks.measure import markdown
 from benchmarks.paper import PUBLIC_STEP, evidence
-from benchmarks.plan import series_of
-from benchmarks.results import ENVIRONMENTS, in_order
+from benchmarks.plan import MAZES, series_of
+from benchmarks.results import in_order
 from benchmarks.run_numbers import N_POLICIES, US, measured
-from curiosity_algos.experiments.canvas import short_name
 
 WOULD = {REPRODUCED: "would hold", NOT_REPRODUCED: "would not hold"}
 COLUMNS = ["Section", "What the paper says", "Verdict", "Our runs"]
@@ -93,14 +93,15 @@ def _mean(values: pd.Series, algorithm: str) -> str:
 
 
 def hours(preset: str) -> str:
-    """How long all runs of each algorithm took on each environment, on one thread, in hours."""
+    """How long all runs of each algorithm took, on one thread, in hours."""
     runs = evidence(preset).table("runs")
-    total = runs.pivot_table(
-        index="algorithm", columns="env", values="seconds", aggfunc="sum", margins=True
+    kinds = np.where(runs["env"].isin(MAZES), "Mazes", "Control tasks")
+    total = runs.assign(kind=kinds).pivot_table(
+        index="algorithm", columns="kind", values="seconds", aggfunc="sum", margins=True
     )
-    total = total.sort_values("All")[[*filter(set(total).__contains__, ENVIRONMENTS), "All"]]
+    total = total.sort_values("All")[["Mazes", "Control tasks", "All"]]
     rows = [
         [name, *("" if pd.isna(cell) else f"{cell / 3600:.2f}" for cell in row)]
         for name, row in zip(total.index, total.to_numpy(), strict=True)
     ]
-    return markdown(["Algorithm", *map(short_name, total)], rows)
+    return markdown(["Algorithm", *total], rows)

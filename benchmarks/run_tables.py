@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from benchmarks.measure import markdown
+from benchmarks.plan import MAZES
 from benchmarks.results import ENVIRONMENTS, in_order, rank, read_runs
 from curiosity_algos.experiments.canvas import short_name
 from curiosity_algos.experiments.statistics import (
@@ -20,6 +21,9 @@ from curiosity_algos.experiments.statistics import (
     stratified_bootstrap,
     survival,
 )
+
+MOST_COLUMNS = 6
+"""Of a table, so that it fits on a page."""
 
 
 def summary(runs: pd.DataFrame) -> str:
@@ -34,14 +38,24 @@ def summary(runs: pd.DataFrame) -> str:
 def by_environment(
     runs: pd.DataFrame, cell: Callable[[pd.DataFrame], str], head: str = "Algorithm"
 ) -> str:
-    """A row for each algorithm, with a cell of its runs in each environment that it has."""
+    """A row for each algorithm, with a cell of its runs in each environment that it has.
+
+    Where a table would have more columns than a page is wide, mazes have one of their own.
+    """
     envs = sorted(set(runs["env"]), key=rank)
     cells = {key: cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
-    rows = [
-        [algorithm, *(cells.get((algorithm, env), "") for env in envs)]
-        for algorithm in dict.fromkeys(runs["algorithm"])
-    ]
-    return markdown([head, *map(short_name, envs)], rows)
+    mazes, others = (
+        [env for env in envs if (env in MAZES) is is_maze] for is_maze in (True, False)
+    )
+    tables = []
+    for part in [envs] if len(envs) < MOST_COLUMNS else [mazes, others]:
+        rows = [
+            [algorithm, *(cells.get((algorithm, env), "") for env in part)]
+            for algorithm in dict.fromkeys(runs["algorithm"])
+        ]
+        known = [row for row in rows if any(row[1:])]
+        tables.append(markdown([head, *map(short_name, part)], known))
+    return "\n\n".join(tables)
 
 
 def visits(runs: pd.DataFrame) -> str:
@@ -147,9 +161,10 @@ def every_seed(runs: pd.DataFrame) -> str:
         "Best return",
         *(f"Coverage, {name.removeprefix('coverage.')} (%)" for name in shares),
         "Seconds a run, median",
-    ]
+    ][:MOST_COLUMNS]
     groups = runs.groupby(["algorithm", "env"], sort=False)
-    return markdown(columns, [_row(*key, group, shares) for key, group in groups])
+    rows = [_row(*key, group, shares)[:MOST_COLUMNS] for key, group in groups]
+    return markdown(columns, rows)
 
 
 def _row(algorithm: str, env: str, group: pd.DataFrame, shares: list[str]) -> list[str]:
@@ -183,15 +198,22 @@ def _try(run: Any) -> str:
 
 def tries_off_policy(values: pd.DataFrame) -> str:
     """A row for each setting: of each seed what it visited, and where it found the goal, when."""
-    settings = ["algorithm", "gradient_steps", "ent_coef", "target_entropy", "other"]
+    settings = ["algorithm", "gradient_steps", "ent_coef", "other"]
+    values = values.assign(other=values.apply(_others, axis=1))
     rows = []
-    for names, group in values.fillna({"other": ""}).groupby(settings, sort=False, dropna=False):
+    for names, group in values.groupby(settings, sort=False, dropna=False):
         shares = [short(100 * share) for share in group["visited"]]
         firsts = [short(first / 1e6, 1) for first in group["first_success_timesteps"].dropna()]
         cells = ["" if pd.isna(name) else str(name) for name in names]
         rows.append([*cells, " / ".join(shares), " / ".join(firsts)])
     head = ["Algorithm", *(f"`{name}`" for name in settings[1:-1]), "Other"]
     return markdown([*head, "Visited (%)", "First reward (M steps)"], rows)
+
+
+def _others(run: pd.Series) -> str:
+    entropy = run["target_entropy"]
+    given = "" if pd.isna(entropy) or entropy == "auto" else f"target_entropy={entropy}"
+    return ", ".join(filter(None, [given, "" if pd.isna(run["other"]) else run["other"]]))
 
 
 def counts(values: pd.DataFrame) -> str:

@@ -59,20 +59,19 @@ def headline() -> str:
     (speed,) = filled(HEADLINES[:1])
     rows = [
         [
-            "Goals of three mazes found, without knowing positions",
-            f"CuriosityES: {_found(mazes, 'CuriosityES')}",
-            "MAPElites of this package, which knows position and velocity: "
-            f"{_found(mazes, 'MAPElites')}",
+            "Goals of three mazes found by evolution",
+            f"CuriosityES, told no positions: {_found(mazes, 'CuriosityES')}",
+            f"told positions: NSES {_found(mazes, 'NSES')}; MAPElites {_found(mazes, 'MAPElites')}",
         ],
         [
-            "The same by Stable-Baselines3's PPO, with a bonus around its environment",
-            f"PPO + APT, at a weight of 1: {_found(ppo, 'PPO + APT')}",
-            f"PPO: {_found(ppo, 'PPO')}",
+            "Goals of these mazes found by Stable-Baselines3's PPO",
+            f"with APT, at a weight of 1: {_found(ppo, 'PPO + APT')}",
+            f"without a bonus: {_found(ppo, 'PPO')}",
         ],
         [
-            "The same reached by the last policy, in at least 95 of 100 episodes, after 3 M steps",
-            f"PPO + APT with the default weight, and steps that settle: {_kept('recipe')}",
-            f"without `SettleCallback`: {_kept('constant')}",
+            "Last policies of PPO that reach these goals in 95 of 100 episodes, after 3 M steps",
+            f"with APT at the default weight, and `SettleCallback`: {_kept('recipe')}",
+            f"without `SettleCallback`: {_kept('constant')}, too few to tell them apart",
         ],
         speed[:3],
     ]

@@ -190,8 +190,9 @@ def test_the_headline_is_what_the_runs_came_to():
     runs = results.read_runs("mazes")
     found = runs[runs["algorithm"] == "CuriosityES"]["first_success_timesteps"].notna()
     mine, ppo, kept, speed = tables.headline().splitlines()[2:]
-    assert f"CuriosityES: {found.sum()} of {len(found)} runs" in mine
-    assert re.search(r"PPO \+ APT, at a weight of 1: \d+ of 15 runs.* PPO: \d+ of 15 runs", ppo)
+    assert f"CuriosityES, told no positions: {found.sum()} of {len(found)} runs" in mine
+    assert re.search(r"NSES \d+ of 30 runs.*; MAPElites \d+ of 30 runs", mine)
+    assert re.search(r"with APT, at a weight of 1: \d+ of 15 .* without a bonus: \d+ of 15", ppo)
     for name, said in zip(
         ("recipe", "constant"), re.findall(r"(\d+) of (\d+) runs", kept), strict=True
     ):

@@ -152,8 +152,8 @@ def table(values: pd.DataFrame) -> str:
         whole = (found["timesteps"] + found["ways"]) / 1e6
         seconds = found["seconds"].median()  # unknown of a run that was paused
         cells = [_span(firsts), _span(whole), "" if pd.isna(seconds) else f"{seconds:.0f}"]
-        rows.append([kind, behavior, f"{len(found)} of {len(runs)}", *cells])
-    head = ["Task", "Apart by", "Found", "First success (M steps)", "With all ways", "Seconds"]
+        rows.append([f"{kind}, {behavior}", f"{len(found)} of {len(runs)}", *cells])
+    head = ["Task, behavior", "Found", "First success (M steps)", "With all ways", "Seconds"]
     return markdown(head, rows)
 
 

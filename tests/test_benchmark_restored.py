@@ -32,9 +32,9 @@ def test_ways_count_in_the_table_and_its_words():
     ).assign(behavior="learned", seconds=2.0)
     *_, rooms, ant = restored.table(values).splitlines()
     assert rooms == (
-        "| rooms-4x4-door8 | learned | 2 of 3 | 0.85 (0.80 to 0.90) | 4.00 (3.00 to 5.00) | 2 |"
+        "| rooms-4x4-door8, learned | 2 of 3 | 0.85 (0.80 to 0.90) | 4.00 (3.00 to 5.00) | 2 |"
     )
-    assert ant == "| AntTrap | learned | 1 of 1 | 1.00 (1.00 to 1.00) |  | 2 |"
+    assert ant == "| AntTrap, learned | 1 of 1 | 1.00 (1.00 to 1.00) |  | 2 |"
     words = restored.rooms_in_words(values)
     assert "In 2 such mazes" in words
     assert "2 of 3 runs" in words

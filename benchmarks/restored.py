@@ -181,11 +181,12 @@ def rooms_in_words(values: pd.DataFrame) -> str:
     """The same of mazes of rooms, with the steps of a search that cannot restore states."""
     is_rooms = values["task"].str.startswith("rooms-") & (values["behavior"] == "learned")
     runs = values[is_rooms]
-    found = runs.dropna(subset="first_success_timesteps")
-    whole = (found["timesteps"] + found["ways"]) / 1e6
+    solved = runs.dropna(subset="first_success_timesteps")
+    whole = (solved["timesteps"] + solved["ways"]) / 1e6
+    assert whole.notna().all(), "A run lacks its ways."
     return (
         f"In {runs['task'].nunique()} such mazes, with doors of 4 or 8 units, it came to the goal "
-        f"in {len(found)} of {len(runs)} runs. A search that cannot restore states may take the "
+        f"in {len(solved)} of {len(runs)} runs. A search that cannot restore states may take the "
         f"actions to a state again: with all these steps it would have needed {whole.median():.1f} "
         f"M (median), and {whole.max():.1f} M at most."
     )

@@ -44,17 +44,16 @@ def by_environment(
     """
     envs = sorted(set(runs["env"]), key=rank)
     cells = {key: cell(group) for key, group in runs.groupby(["algorithm", "env"], sort=False)}
-    mazes, others = (
-        [env for env in envs if (env in MAZES) is is_maze] for is_maze in (True, False)
-    )
+    mazes = [env for env in envs if env in MAZES]
+    parts = [envs] if len(envs) < MOST_COLUMNS else [mazes, envs[len(mazes) :]]
     tables = []
-    for part in [envs] if len(envs) < MOST_COLUMNS else [mazes, others]:
+    for part in filter(None, parts):
         rows = [
             [algorithm, *(cells.get((algorithm, env), "") for env in part)]
             for algorithm in dict.fromkeys(runs["algorithm"])
         ]
-        known = [row for row in rows if any(row[1:])]
-        tables.append(markdown([head, *map(short_name, part)], known))
+        filled = [row for row in rows if any(row[1:])]
+        tables.append(markdown([head, *map(short_name, part)], filled))
     return "\n\n".join(tables)
 
 
@@ -161,9 +160,12 @@ def every_seed(runs: pd.DataFrame) -> str:
         "Best return",
         *(f"Coverage, {name.removeprefix('coverage.')} (%)" for name in shares),
         "Seconds a run, median",
-    ][:MOST_COLUMNS]
-    groups = runs.groupby(["algorithm", "env"], sort=False)
-    rows = [_row(*key, group, shares)[:MOST_COLUMNS] for key, group in groups]
+    ]
+    rows = [
+        _row(*key, group, shares) for key, group in runs.groupby(["algorithm", "env"], sort=False)
+    ]
+    if len(columns) > MOST_COLUMNS:  # of many shares
+        columns, rows = columns[:-1], [row[:-1] for row in rows]
     return markdown(columns, rows)
 
 

@@ -60,8 +60,8 @@ def headline() -> str:
     rows = [
         [
             "Goals of three mazes found by evolution",
-            f"CuriosityES, told no positions: {_found(mazes, 'CuriosityES')}",
-            f"told positions: NSES {_found(mazes, 'NSES')}; MAPElites {_found(mazes, 'MAPElites')}",
+            f"CuriosityES, without a behavior: {_found(mazes, 'CuriosityES')}",
+            f"with positions as behavior: NSES {_found(mazes, 'NSES')}; MAPElites {_found(mazes, 'MAPElites')}",
         ],
         [
             "Goals of these mazes found by Stable-Baselines3's PPO",

@@ -2,7 +2,8 @@
 
 `python docs/play.py FOLDER` makes them alone: `FOLDER/index.html` needs no server. Mazes and
 policies are those that come with the packages. `python docs/play.py --search` searches the archives
-anew, `python docs/play_robots.py` records the robots.
+anew, in some minutes; a processor that rounds differently finds others. `python
+docs/play_robots.py` records the robots.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ def data() -> dict[str, Any]:
         name = env_id.split("-")[1]
         if env_id.startswith("CuriosityMaze-"):
             policy = load_pretrained(algorithm, env_id)
-            known = {"sizes": policy.mlp.sizes.tolist(), "weights": packed(policy.vector)}
-            policies[name][f"{algorithm}, found by search"] = known
+            network = {"sizes": policy.mlp.sizes.tolist(), "weights": packed(policy.vector)}
+            policies[name][f"{algorithm}, found by search"] = network
     env = envs["US"].unwrapped
     keywords = inspect.signature(MazeEnv).parameters
     constants = {name: keywords[name].default for name in CONSTANTS}

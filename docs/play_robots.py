@@ -35,12 +35,12 @@ def record() -> None:
     for title, (algorithm, env_id, n_starts, stride) in SHOWN.items():
         policy, env = load_pretrained(algorithm, env_id), gym.make(env_id)
         model, world = env.unwrapped.task.model, gym.spec(env_id).kwargs["world"]
-        known = pretrained_seed(algorithm, env_id)
-        seeds = [*([] if known is None else [known]), *range(UNSEEN, UNSEEN + n_starts)]
+        own = pretrained_seed(algorithm, env_id)
+        seeds = [*([] if own is None else [own]), *range(UNSEEN, UNSEEN + n_starts)]
         episodes = [_play(policy, env, seed, stride) for seed in seeds[:n_starts]]
         pictures, lengths, success = zip(*episodes, strict=True)
         arrays[f"{title}/pictures"] = np.concatenate(pictures)
-        arrays[f"{title}/counts"] = np.array([len(each) for each in pictures])
+        arrays[f"{title}/counts"] = np.array([len(taken) for taken in pictures])
         arrays[f"{title}/lengths"], arrays[f"{title}/success"] = map(np.array, (lengths, success))
         arrays[f"{title}/radii"] = model.geom_size[_parts(model), 0]
         arrays[f"{title}/stride"], arrays[f"{title}/world"] = map(np.array, (stride, world))

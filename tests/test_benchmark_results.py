@@ -190,7 +190,7 @@ def test_the_headline_is_what_the_runs_came_to():
     runs = results.read_runs("mazes")
     found = runs[runs["algorithm"] == "CuriosityES"]["first_success_timesteps"].notna()
     mine, ppo, kept, speed = tables.headline().splitlines()[2:]
-    assert f"CuriosityES, told no positions: {found.sum()} of {len(found)} runs" in mine
+    assert f"CuriosityES, without a behavior: {found.sum()} of {len(found)} runs" in mine
     assert re.search(r"NSES \d+ of 30 runs.*; MAPElites \d+ of 30 runs", mine)
     assert re.search(r"with APT, at a weight of 1: \d+ of 15 .* without a bonus: \d+ of 15", ppo)
     for name, said in zip(

@@ -100,7 +100,7 @@ def test_the_page_steps_as_the_kernel_does(data):
         found, *others = played["episodes"]
         ends = np.array([episode["end"] for episode in others]) // play.SIDE
         squares = np.array(data["archives"][name]["squares"][::STRIDE])
-        assert (ends == squares).all(axis=1).mean() > 0.8, name
+        assert (ends == squares).all(axis=1).mean() > 0.9, name
         policy, terminated, moves = load_pretrained("CuriosityES", env.spec.id), False, []
         observation, _ = env.reset()
         while not terminated:
@@ -137,8 +137,12 @@ def test_policies_of_an_archive_end_in_their_squares(data):
     for name, archive in data["archives"].items():
         evaluator = make_evaluator(f"CuriosityMaze-{name}-v0", {"net_arch": []})
         rollouts = evaluator.evaluate(unpacked(archive))
-        ends = rollouts.behaviors[:, :2] // archive["side"]
-        np.testing.assert_array_equal(ends, archive["squares"])
+        ends, squares = rollouts.behaviors[:, :2] // archive["side"], np.array(archive["squares"])
+        # All on the machine that searched; the exponential of another may round otherwise.
+        assert (ends == squares).all(axis=1).mean() > 0.95, name
+        assert len(np.unique(squares, axis=0)) == len(squares)
+        layout = data["mazes"][name]
+        assert (squares * archive["side"] < [layout["width"], layout["height"]]).all()
 
 
 PLAYED = """
@@ -158,6 +162,9 @@ const walls = maze.walls.length;
 send("pointerdown", 0.6, 0.01); send("pointermove", 0.62, 0.04); send("pointerup", 0.62, 0.04);
 send("pointerdown", 0.2, 0.01); send("pointermove", 0.3, 0.04); send("pointerup", 0.3, 0.04);
 said.push(maze.walls.length - walls, element.said.textContent);
+element.said.textContent = "";
+send("pointerdown", 0.48, 0.01); send("pointermove", 0.52, 0.04); send("pointerup", 0.52, 0.04);
+said.push(element.said.textContent);
 element.draw.click();
 element.clear.click();
 element.policy.value = ARCHIVE;
@@ -204,13 +211,13 @@ def test_the_page_plays_in_a_browser(width, data, tmp_path):
     n_elites = len(data["archives"]["US"]["squares"])
     play.write(tmp_path / "play")
     said = open_page(tmp_path, "index.html", PLAYED, width)
-    arrived, start, n_walls, refused, *chosen = said
+    arrived, start, n_walls, refused, buried, *chosen = said
     asked, is_idle, elite, is_there, hundred, fits, action, is_disabled = chosen
     assert re.fullmatch(r"Arrived after \d+ steps: a return of 0\.\d+\.", arrived)
     assert start == "50,5"
     assert n_walls == 1  # the other one would bury the start
-    assert refused == "A wall must leave the start free."
-    assert asked == "Click a square: a policy plays whose episode ends there."
+    assert refused == buried == "A wall must leave the start free, and that of the maze."
+    assert asked == "Click a square: a policy plays whose episode ended there."
     assert is_idle
     assert elite == n_elites - 1
     assert is_there
@@ -251,11 +258,12 @@ for (const name of Object.keys(ROBOTS)) {
   element.start.value = element.start.max;
   element.start.dispatchEvent(new Event("input"));
   element.time.value = element.time.max;
-  frame();
+  const before = canvas.toDataURL();
+  show();
+  said.push(before !== canvas.toDataURL());
   said.push(element.said.textContent, torsoAt(episode, element.time.valueAsNumber));
 }
-const pixels = context.getImageData(0, 0, canvas.width, canvas.height).data;
-said.push(new Set(pixels).size > 20, document.documentElement.scrollWidth <= innerWidth);
+said.push(document.documentElement.scrollWidth <= innerWidth);
 document.body.dataset.said = JSON.stringify(said);
 """
 
@@ -264,15 +272,15 @@ document.body.dataset.said = JSON.stringify(said);
 @pytest.mark.parametrize("width", [500, 1300])
 def test_the_page_shows_robots_in_a_browser(width, tmp_path):
     play.write(tmp_path / "play")
-    *said, is_drawn, fits = open_page(tmp_path, "robots.html", SEEN, width)
-    for (title, film), text, torso in zip(
-        play.robots().items(), said[::2], said[1::2], strict=True
+    *said, fits = open_page(tmp_path, "robots.html", SEEN, width)
+    for (title, film), is_drawn, text, torso in zip(
+        play.robots().items(), said[::3], said[1::3], said[2::3], strict=True
     ):
+        assert is_drawn
         n, arrived = len(film["counts"]), sum(film["success"])
         assert text.startswith(f"Start {n} of {n}: ")
         assert text.endswith(f"{arrived} of {n} arrive.")
         assert str(film["lengths"][-1]) in text
         distance = np.hypot(*np.subtract(torso[:2], film["world"]["goal"]))
         assert (distance < film["world"]["goal_radius"] + 0.1) == film["success"][-1], title
-    assert is_drawn
     assert fits

@@ -2,9 +2,9 @@
 "use strict";
 
 const { mazes, policies, archives, constants, horizon } = DATA;
-for (const known of [archives, ...Object.values(policies)].flatMap(Object.values)) {
-  const bytes = Uint8Array.from(atob(known.weights), (letter) => letter.charCodeAt(0));
-  known.weights = new Float32Array(bytes.buffer);
+for (const network of [archives, ...Object.values(policies)].flatMap(Object.values)) {
+  const bytes = Uint8Array.from(atob(network.weights), (letter) => letter.charCodeAt(0));
+  network.weights = new Float32Array(bytes.buffer);
 }
 const YOU = "You: arrow keys, or hold", ARCHIVE = "Many: click a square";
 const N_STARTS = 100, NEARBY = 1, THINNEST = 2;
@@ -43,8 +43,10 @@ function choose() {
   build();
   start = [...maze.start];
   elite = null;
-  const known = Object.keys(policies[element.maze.value] ?? {});
-  option(element.policy, [...known, ...(archives[element.maze.value] ? [ARCHIVE] : []), YOU]);
+  const before = element.policy.value, names = Object.keys(policies[element.maze.value] ?? {});
+  if (archives[element.maze.value]) names.push(ARCHIVE);
+  option(element.policy, [...names, YOU]);
+  if ([...names, YOU].includes(before)) element.policy.value = before;
   begin();
 }
 
@@ -89,8 +91,8 @@ function begin() {
 }
 
 function actionOf(seen) {
-  const known = policy();
-  if (known) return act(known.sizes, known.weights, seen);
+  const network = policy();
+  if (network) return act(network.sizes, network.weights, seen);
   if (held) return [0, 1].map((i) => (held[i] - episode.state[i]) / STEERED);
   return [...pressed].reduce(([x, y], key) => [x + steering[key][0], y + steering[key][1]], [0, 0]);
 }
@@ -108,7 +110,7 @@ function play(one) {
 function say() {
   const { t, arrived, ended } = episode;
   let text = `Step ${t} of ${horizon}.`;
-  if (archive() && elite === null) text = "Click a square: a policy plays whose episode ends there.";
+  if (archive() && elite === null) text = "Click a square: a policy plays whose episode ended there.";
   if (isYou() && !t) text = "Steer with the arrow keys, or hold the pointer where the robot shall go.";
   if (arrived) text = `Arrived after ${t} steps: a return of ${(1 - t / horizon).toFixed(3)}.`;
   else if (ended) text = `Not arrived in ${horizon} steps: a return of 0.`;
@@ -230,12 +232,12 @@ for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (
   if (dragged?.wall) {
     drawn.push(dragged.wall);
     build();
-    if (maze.isFree(...start)) begin();
+    if (maze.isFree(...start) && maze.isFree(...maze.start)) begin();
     else {
       drawn.pop();
       build();
       told = performance.now() + 3000;
-      element.said.textContent = "A wall must leave the start free.";
+      element.said.textContent = "A wall must leave the start free, and that of the maze.";
     }
   }
   dragged = held = null;
@@ -261,7 +263,12 @@ canvas.addEventListener("keydown", (event) => {
 canvas.addEventListener("keyup", (event) => pressed.delete(event.key));
 for (const target of [canvas, window]) target.addEventListener("blur", () => pressed.clear());
 element.maze.addEventListener("change", choose);
-element.policy.addEventListener("change", () => { elite = null; begin(); if (isYou()) canvas.focus(); });
+element.policy.addEventListener("change", () => {
+  elite = null;
+  if (archive()) start = [...maze.start];
+  begin();
+  if (isYou()) canvas.focus();
+});
 element.again.addEventListener("click", begin);
 element.pause.addEventListener("click", toggle);
 element.hundred.addEventListener("click", hundred);

@@ -1,13 +1,13 @@
 // The page of robots: recorded episodes, drawn in perspective.
 "use strict";
 
-const UNIT = 1e-3, HEIGHT = 1, FOCUS = 1.4, PACE = 0.4;  // meters, meters, canvas sides, pictures a frame
+const UNIT = 1e-3, HEIGHT = 1, FOCUS = 1.4, PACE = 60;  // meters, meters, canvas sides, steps a second
 const TORSO = 0;
 const element = Object.fromEntries(["world", "said", "policy", "start", "time", "pause"]
   .map((id) => [id, document.getElementById(id)]));
 const canvas = element.world, context = canvas.getContext("2d");
 const view = { yaw: -1.1, pitch: 0.7, distance: 0 };
-let film, episode, target = null, from = null, paused = false;
+let film, episode, shown = 0, target = null, from = null, paused = false, isHeld = false;
 
 for (const one of Object.values(ROBOTS)) {
   const bytes = Uint8Array.from(atob(one.pictures), (letter) => letter.charCodeAt(0));
@@ -135,9 +135,12 @@ function show() {
   }
 }
 
-function frame() {
+function frame(now = performance.now()) {
   const time = element.time.valueAsNumber, last = film.counts[episode] - 1;
-  if (!paused) element.time.value = time < last ? time + PACE : last;
+  const passed = Math.min(now - shown, 100) / 1000;
+  shown = now;
+  if (!paused && !isHeld) element.time.value = Math.min(time + (passed * PACE) / film.stride, last);
+  element.time.ariaValueText = `step ${Math.round(element.time.valueAsNumber * film.stride)}`;
   const place = torsoAt(episode, element.time.valueAsNumber);
   target = target.map((value, i) => value + 0.1 * (place[i] - value));
   show();
@@ -161,6 +164,8 @@ canvas.addEventListener("wheel", (event) => {
 }, { passive: false });
 element.policy.addEventListener("change", choose);
 element.start.addEventListener("input", begin);
+element.time.addEventListener("pointerdown", () => { isHeld = true; });
+for (const end of ["pointerup", "pointercancel"]) element.time.addEventListener(end, () => { isHeld = false; });
 element.pause.addEventListener("click", () => {
   paused = !paused;
   element.pause.setAttribute("aria-pressed", paused);

@@ -61,7 +61,8 @@ def headline() -> str:
         [
             "Goals of three mazes found by evolution",
             f"CuriosityES, without a behavior: {_found(mazes, 'CuriosityES')}",
-            f"with positions as behavior: NSES {_found(mazes, 'NSES')}; MAPElites {_found(mazes, 'MAPElites')}",
+            f"with positions as behavior: NSES {_found(mazes, 'NSES')}; "
+            f"MAPElites {_found(mazes, 'MAPElites')}",
         ],
         [
             "Goals of these mazes found by Stable-Baselines3's PPO",

@@ -74,15 +74,6 @@ def test_registering_again_neither_warns_nor_replaces():
     assert all(gym.spec(env_id) is spec for env_id, spec in specs.items())
 
 
-def test_a_fresh_interpreter_needs_no_import_of_its_own():
-    code = (
-        "import gymnasium as gym\n"
-        "env = gym.make('curiosity_gym:CuriosityMaze-Hard-v0')\n"
-        "print(env.reset(seed=0)[1]['behavior'].tolist())"
-    )
-    assert json.loads(run_python(code)) == [195.0, 5.0, 0.0, 0.0]
-
-
 def test_importing_the_package_imports_nothing_heavy_and_can_be_repeated():
     code = (
         "import importlib, json, sys\n"

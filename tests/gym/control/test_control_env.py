@@ -5,7 +5,6 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from scripts import run_python
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
-from suite import make_actions, play_reference
 
 from curiosity_gym.control.control_env import ControlEnv
 from curiosity_gym.core import SimulationError
@@ -40,41 +39,6 @@ class TestEveryTask:
         grid = env.unwrapped.coverage_grid
         assert grid.shape == (50,) * n_behavior
         assert grid.reachable is None
-
-    def test_is_dm_controls_environment_until_solved(self, name):
-        env = gym.make(IDS[name])
-        actions = make_actions("bang-bang", 1000, SIZES[name][1], seed=1)
-        expected, solved = play_reference(name, actions)
-        observations, results = [env.reset(seed=0)[0]], []
-        for action in actions:
-            observation, *result, info = env.step(action)
-            observations.append(observation)
-            results.append([*result, info["is_success"]])
-            if result[1] or result[2]:
-                break
-        n_steps = len(results)
-        np.testing.assert_array_equal(observations, expected[: n_steps + 1])
-        np.testing.assert_array_equal([result[3] for result in results], solved[:n_steps])
-        assert all(result == [0.0, False, False, False] for result in results[:-1])
-        end = (
-            [1.0 - n_steps / 1000, True, False, True] if solved.any() else [0.0, False, True, False]
-        )
-        assert results[-1] == end
-
-    def test_behaves_within_its_space(self, name):
-        env = gym.make(IDS[name], horizon=200)
-        space = env.unwrapped.behavior_space
-        info = env.reset()[1]
-        kept, behaviors = [], []
-        for action in make_actions("bang-bang", 200, SIZES[name][1]):
-            assert space.contains(info["behavior"])
-            kept.append(info["behavior"])
-            behaviors.append(info["behavior"].copy())
-            *_, terminated, _, info = env.step(action)
-            if terminated:
-                break
-        np.testing.assert_array_equal(kept, behaviors)
-        assert len(np.unique(behaviors, axis=0)) == len(behaviors)
 
     def test_can_be_made_in_several_threads_at_once(self):
         code = (

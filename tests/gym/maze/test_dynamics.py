@@ -282,14 +282,6 @@ class TestCastBeams:
     def test_agrees_with_shapely_in_random_layouts(self, layout, n_beams, lidar_range):
         assert_beams_agree(layout, layout.start, n_beams=n_beams, lidar_range=lidar_range)
 
-    def test_agrees_with_shapely_in_the_built_in_layouts(self):
-        for name in BUILT_IN:
-            layout = BUILT_IN[name]
-            assert_beams_agree(layout, layout.start)
-            positions = np.random.default_rng(0).uniform(1.0, 199.0, (60, 2))
-            for position in positions[depth_in_grown_walls(layout, positions) < 0.0]:
-                assert_beams_agree(layout, position)
-
 
 def test_observe_scales_every_entry():
     maze = make_maze(make_layout([]), max_speed=10.0, lidar_range=5.0)

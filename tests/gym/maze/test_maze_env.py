@@ -315,20 +315,6 @@ def test_rejects_a_goal_radius_that_the_robot_cannot_come_within():
         MazeEnv(layout, goal_radius=0.5)
 
 
-class TestCopies:
-    def test_continue_the_episode_on_their_own(self, duplicate):
-        env = gym.make("CuriosityMaze-Hard-v0")
-        env.reset()
-        action = np.array([-1.0, 0.4], dtype=np.float32)
-        for _ in range(5):
-            env.step(action)
-        twin = duplicate(env)
-        ours = [env.step(action)[0] for _ in range(5)]
-        theirs = [twin.step(action)[0] for _ in range(5)]
-        np.testing.assert_array_equal(ours, theirs)
-        assert twin.unwrapped.layout == env.unwrapped.layout
-
-
 class TestRender:
     def test_rgb_array_shows_the_robot_where_it_is(self):
         env = gym.make("CuriosityMaze-Hard-v0", render_mode="rgb_array")

@@ -327,16 +327,6 @@ class TestTools:
         check_env(self.make(), skip_render_check=True)
         sb3_check_env(self.make())
 
-    def test_copies_play_on_by_themselves(self, duplicate):
-        env = self.make()
-        env.reset(options={"x": 0})
-        env.step(RIGHT)
-        twin = duplicate(env)
-        for one in (env, twin):
-            results = [one.step(RIGHT) for _ in range(3)]
-            assert results[-1][1] == 0.6
-            assert results[-1][4]["behavior"].tolist() == [GOAL]
-
     def test_a_spec_makes_the_same_again(self):
         arguments = {"horizon": 300, "behavior": position, "behavior_space": POSITIONS}
         gym.register("Walk-v0", Walk)

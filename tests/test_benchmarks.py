@@ -2,7 +2,6 @@
 
 import math
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import gymnasium as gym
@@ -31,7 +30,6 @@ from curiosity_algos import make_evaluator
 from curiosity_gym.locomotion.locomotion_env import LocomotionEnv
 from curiosity_gym.registration import SPECS
 
-ROOT = Path(__file__).parents[1]
 EXTRAS = {
     "control": ["control"],
     "locomotion": ["locomotion"],

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 
-import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
@@ -98,12 +97,6 @@ class CtrlC(BaseCallback):
 
 def test_a_loaded_model_goes_on(algorithm, make_model, make_easy_maze, assert_resumes):
     assert_resumes(make_model(algorithm, make_easy_maze()).learn(600), make_easy_maze())
-
-
-def test_discrete_actions_and_the_papers_settings_go_on(make_model, assert_resumes):
-    env, other = (gym.make("CartPole-v1", max_episode_steps=40) for _ in range(2))
-    settings = {"no_reward": "random", "step": "paper", "bonus_kwargs": {"normalize": False}}
-    assert_resumes(make_model(CuriosityES, env, **settings).learn(600), other)
 
 
 def test_an_adaptive_phi_goes_on(make_model, make_maze, assert_resumes):

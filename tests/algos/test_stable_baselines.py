@@ -4,7 +4,6 @@ import importlib
 import pkgutil
 
 import gymnasium as gym
-import numpy as np
 import pytest
 import sb3_contrib
 import stable_baselines3
@@ -42,24 +41,6 @@ def test_episodes_of_a_vec_env_differ_again_after_training(kind, make_model):
 
 def make_pendulum():
     return Monitor(gym.make("Pendulum-v1"))
-
-
-def test_training_stops_when_nothing_improves(make_model, make_maze, tmp_path):
-    after = StopTrainingOnNoModelImprovement(max_no_improvement_evals=2, min_evals=1)
-    callback = EvalCallback(
-        Monitor(make_maze()),
-        callback_after_eval=after,
-        n_eval_episodes=1,
-        eval_freq=1,
-        best_model_save_path=str(tmp_path),
-        log_path=str(tmp_path),
-        verbose=0,
-    )
-    model = make_model(CuriosityES, make_maze())  # its goal is out of reach
-    model.learn(1e9, callback=callback)
-    assert callback.n_calls == 4
-    assert CuriosityES.load(tmp_path / "best_model").num_timesteps < model.num_timesteps
-    assert np.load(tmp_path / "evaluations.npz")["results"].tolist() == [[0.0]] * 4
 
 
 def exported(package):

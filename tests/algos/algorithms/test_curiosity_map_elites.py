@@ -43,23 +43,6 @@ def test_what_is_kept_are_steps_of_each_episode(is_discrete, make_model, make_ea
         np.testing.assert_array_equal(fields["actions"][i], rollouts.actions[i][times])
 
 
-def test_a_score_is_the_length_times_the_mean_of_what_is_kept(make_model, make_easy_maze):
-    model = make_model(CuriosityMAPElites, make_easy_maze()).learn(2000)
-    elites = model.archive.sample_elites(5)
-    expected = []
-    for i, length in enumerate(elites["length"]):
-        total = 0.0
-        for t in range(model.n_kept):
-            names = ("observations", "actions", "next_observations")
-            total += float(
-                model._motivation.bonus.score(*(elites[n][i, t : t + 1] for n in names))[0]
-            )
-        expected.append(length * total / model.n_kept)
-    scores = model._score(elites)
-    assert scores.dtype == np.float64
-    np.testing.assert_allclose(scores, expected, rtol=1e-5)
-
-
 def test_the_module_learns_from_every_generation(make_model, make_easy_maze):
     model = make_model(CuriosityMAPElites, make_easy_maze())
     weights = []
@@ -94,35 +77,3 @@ def test_parents_do_not_depend_on_the_unit_of_actions(make_model, make_pendulum)
         env = BehaviorWrapper(make_pendulum(unit), lambda env, seen, info: seen[:2], space)
         asked.append(make_model(CuriosityMAPElites, env).learn(4000)._ask())
     np.testing.assert_array_equal(*asked)
-
-
-class Precise(gym.Wrapper):
-    """Takes actions of double precision."""
-
-    def __init__(self, env):
-        super().__init__(env)
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), dtype=np.float64)
-
-
-def test_actions_of_double_precision(make_model, make_easy_maze):
-    def make():
-        return Precise(make_easy_maze())
-
-    model = make_model(CuriosityMAPElites, make()).learn(1500)
-    assert model.archive.verify(make()).share == 1.0
-
-
-def test_settings_that_a_model_keeps_have_an_effect(make_model, make_easy_maze):
-    def asked(**changes):
-        return make_model(CuriosityMAPElites, make_easy_maze(), **changes).learn(3000)._ask()
-
-    plain = asked()
-    changes = {"n_kept": 2, "bonus_kwargs": {"beta": 0.9}}
-    assert not [n for n, value in changes.items() if np.array_equal(plain, asked(**{n: value}))]
-
-
-def test_errors_name_the_argument(make_model, make_maze):
-    wrong = {"tournament_size": 0, "n_kept": 0, "bonus": "none", "bonus_kwargs": {"depth": 1}}
-    for name, value in wrong.items():
-        with pytest.raises(ValueError, match=f"`{name}` must be"):
-            make_model(CuriosityMAPElites, make_maze(), **{name: value})

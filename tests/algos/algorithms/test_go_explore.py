@@ -26,12 +26,12 @@ ENVS = {
 ROBOTS = {
     "robot": ("CuriosityLocomotion-AntTrap-v0", {}),
     "gymnasium's robot": ("Ant-v5", {}),
-    "control": ("CuriosityControl-BallInCup-v0", {"random_start": False}),
+    "control": ("CuriosityControl-BallInCup-v0", {}),
 }
 
 
 def run(name, n=4, **changes):
-    env, kwargs = ENVS[name] if name in ENVS else (ROBOTS[name][0], {})
+    env, kwargs = (ENVS | ROBOTS)[name]
     return GoExplore(env, **(SMALL | kwargs | changes)).learn(n * 8 * 20)
 
 
@@ -70,33 +70,20 @@ class Walk(gym.Env):
         return np.array([np.clip(self.place + noise, -20.0, 20.0)], dtype=np.float32)
 
 
-def make_walk():
-    return gym.wrappers.TimeLimit(Walk(), 60)
-
-
-@pytest.mark.parametrize("name", ENVS)
+@pytest.mark.parametrize(
+    "name", [*ENVS, *(pytest.param(name, marks=pytest.mark.extra("control", "locomotion")) for name in ROBOTS)]
+)
 def test_a_search_is_the_same_by_threads_and_after_a_file(name, tmp_path):
-    one, other = run(name, n_threads=1), run(name, n_threads=3)
+    n, timesteps = (4, 800) if name in ENVS else (2, 300)
+    one, other = run(name, n, n_threads=1), run(name, n, n_threads=3)
     assert_same_search(one, other)
     other.save(tmp_path / "model")
-    loaded = GoExplore.load(tmp_path / "model", env=ENVS[name][0])
+    loaded = GoExplore.load(tmp_path / "model", env=(ENVS | ROBOTS)[name][0])
     for model in (one, loaded):
-        model.learn(800, reset_num_timesteps=False)
+        model.learn(timesteps, reset_num_timesteps=False)
     assert_same_search(one, loaded)
     assert one.replayed_steps == loaded.replayed_steps
     assert (one.replayed_steps > 0) == (name in ("replayed", "discrete"))
-
-
-@pytest.mark.extra("mujoco")
-@pytest.mark.parametrize("name", ROBOTS)
-def test_so_is_one_of_robots(name, tmp_path):
-    one, other = run(name, n_threads=1, n=2), run(name, n_threads=2, n=2)
-    other.save(tmp_path / "model")
-    loaded = GoExplore.load(tmp_path / "model", env=ROBOTS[name][0])
-    for model in (one, loaded):
-        model.learn(300, reset_num_timesteps=False)
-    assert_same_search(one, loaded)
-    assert one.replayed_steps == 0
 
 
 @pytest.mark.parametrize("behavior", ["learned", "cells"])
@@ -125,13 +112,6 @@ def test_the_policy_takes_the_actions_of_the_best_episode(make_easy_maze):
     np.testing.assert_array_equal(action, model.episodes[0]["actions"][1])
     actions, _ = model.predict(np.stack([observation] * 3), (np.array([0, 1, 10_000]),))
     np.testing.assert_array_equal(actions, model.episodes[0]["actions"][[0, 1, -1]])
-
-
-def test_a_goal_without_behaviors_that_ends_nothing():
-    model = GoExplore(make_walk, **SMALL).learn(3_000)
-    assert model.first_success_timesteps is not None
-    assert len(model.episodes[0]["actions"]) == 12
-    assert model.coverage is None
 
 
 def test_explorations_count_and_ways_do_not():
@@ -184,15 +164,6 @@ def test_an_environment_that_changes_is_refused():
     with pytest.raises(ValueError, match="`env` must come to the same"):
         model.learn(300, reset_num_timesteps=False)
     assert model.num_timesteps == n
-
-
-def test_another_environment_begins_anew(make_easy_maze):
-    model = run("maze")
-    model.set_env(gym.make("CuriosityMaze-US-v0"))
-    assert model.archive.empty
-    assert not model.episodes
-    model.learn(320)
-    assert len(model.archive) > 1
 
 
 def test_mistakes_are_one_sentence():
@@ -255,11 +226,13 @@ def test_what_an_info_does_not_say_is_not_found_on_the_way():
     assert all(len(episode["actions"]) >= 12 for episode in model.episodes)
 
 
-def test_of_equal_returns_the_shortest_is_the_best():
-    model = GoExplore(make_walk, **SMALL).learn(6_000)
+def test_of_equal_returns_the_shortest_is_the_best_and_no_behavior_is_needed():
+    model = GoExplore(lambda: make_short(Walk()), **SMALL).learn(6_000)
     lengths = [len(episode["actions"]) for episode in model.episodes]
     assert lengths == sorted(lengths)
     assert lengths[0] == 12
+    assert model.first_success_timesteps is not None
+    assert model.coverage is None
 
 
 def test_a_population_may_grow(tmp_path):
@@ -284,13 +257,16 @@ def test_long_chains_are_copied_and_seeded_anew():
     np.testing.assert_array_equal(again[number].actions, place.actions)
 
 
-def test_an_environment_of_the_same_cells_begins_anew_too():
+def test_another_environment_begins_anew_whether_or_not_its_cells_are_the_same():
     model = GoExplore(make_short(Walk()), **SMALL).learn(3_000)
     assert model.episodes
     model.set_env(make_short(Walk()))
     assert model.best_return == -np.inf
     assert model.best_episode_seed is None
     assert not len(model.policy.actions)
+    assert model.archive.empty
+    assert not model.episodes
+    assert len(model.learn(320).archive) > 1
 
 
 class Broken(Walk):

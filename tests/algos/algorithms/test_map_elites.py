@@ -69,20 +69,18 @@ def test_each_dimension_has_its_cells(
     assert_same_run(model.learn(600), loaded.learn(600))
 
 
-def test_cells_are_of_each_dimension(make_model, make_maze):
-    wrong = r"^`n_cells` must be .* one for each dimension .* 4, got"
-    for n_cells in ([], [5], [5, 6, 2, 1, 3], (5, 6, 2)):
-        with pytest.raises(ValueError, match=wrong):
+NO_CELLS = ("50", [5, 6, 0, 1], [5, 6, 2.5, 1], None, [[5] * 4], 7.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (([], [5], [5, 6, 2, 1, 3], (5, 6, 2)), "must be .* one for each dimension .* 4, got"),
+        (NO_CELLS, "must be a whole number of at least 1,"),
+        ((10**5,), r"must make less than 2\*\*63 cells"),
+    ],
+)
+def test_other_cells_are_refused(wrong, message, make_model, make_maze):
+    for n_cells in wrong:
+        with pytest.raises(ValueError, match=f"^`n_cells` {message}"):
             make_model(MAPElites, make_maze(), n_cells=n_cells)
-
-
-def test_cells_are_whole_numbers(make_model, make_maze):
-    wrong = r"^`n_cells` must be a whole number of at least 1,"
-    for n_cells in ("50", [5, 6, 0, 1], [5, 6, 2.5, 1], None, [[5] * 4], 7.0, 0):
-        with pytest.raises(ValueError, match=wrong):
-            make_model(MAPElites, make_maze(), n_cells=n_cells)
-
-
-def test_too_many_cells_are_refused(make_model, make_maze):
-    with pytest.raises(ValueError, match=r"`n_cells` must make less than 2\*\*63 cells"):
-        make_model(MAPElites, make_maze(), n_cells=10**5)

@@ -21,9 +21,3 @@ def test_another_maze_has_other_behaviors(make_model, make_maze):
 def test_final_behaviors_need_an_env_that_has_them(make_model):
     with pytest.raises(ValueError, match='`behavior="final"` needs an env'):
         make_model(NSES, "CartPole-v1", **FINAL)
-
-
-def test_errors_name_the_argument(make_model, make_maze):
-    for name, value in {"k": 0, "behavior": "last"}.items():
-        with pytest.raises(ValueError, match=f"`{name}` must be"):
-            make_model(NSES, make_maze(), **{name: value})

@@ -117,9 +117,3 @@ def test_an_archive_tells_novelty(make_model, make_easy_maze):
     own = UnstructuredArchive(**keywords, measure_dim=4, target_size=9, k_neighbors=None)
     with pytest.raises(ValueError, match="`archive` must be made with `k_neighbors`"):
         make_model(NSLC, make_easy_maze(), **FINAL, archive=own)
-
-
-def test_errors_name_the_argument(make_model, make_maze):
-    for name, value in {"n_parents": 7, "k": 0, "archive_size": 0, "behavior": "x"}.items():
-        with pytest.raises(ValueError, match=f"`{name}` must be"):
-            make_model(NSLC, make_maze(), **{name: value})

@@ -151,6 +151,7 @@ def compete_by_definition(batch, elites, k):
 
 
 class TestCompete:
+    @pytest.mark.filterwarnings("error")
     @settings(deadline=None)
     @given(streams(), st.integers(1, 40), st.integers(1, 15))
     def test_it_is_brute_force(self, batches, k, target_size):
@@ -162,22 +163,6 @@ class TestCompete:
             np.testing.assert_allclose(info["novelty"], [each for each, _ in expected], rtol=1e-12)
             assert info["local_competition"].tolist() == [each for _, each in expected]
             plain.add(batch)
-
-    @pytest.mark.filterwarnings("error")
-    @pytest.mark.parametrize("n", [0, 1, 2, 5])
-    def test_an_empty_batch(self, n):
-        archive = make_archive(k_neighbors=1)
-        archive.add(
-            **as_arrays([{"solution": i, "objective": 0, "measures": [i, 0]} for i in range(n)])
-        )
-        info = archive.add(**as_arrays([]))
-        assert {name: values.shape for name, values in info.items()} == {
-            "status": (0,),
-            "value": (0,),
-            "novelty": (0,),
-            "local_competition": (0,),
-        }
-        assert len(archive) == n
 
 
 class TestInsertion:
@@ -192,15 +177,6 @@ class TestInsertion:
             assert archive.threshold == plain.threshold
             for name, values in as_arrays(plain.elites).items():
                 np.testing.assert_array_equal(archive.data(name), values)
-
-    @pytest.mark.parametrize("target_size", [1, 10, 19, 110])
-    def test_it_grows_by_a_tenth_before_it_is_thinned_out(self, target_size):
-        n = 11 * target_size // 10
-        archive = make_archive(target_size=target_size, extra_fields=EXTRA)
-        archive.add(**make_batch(n))
-        assert (len(archive), archive.threshold) == (n, 0.0)
-        archive.add(**make_batch(1, 1))
-        assert len(archive) == target_size
 
     @pytest.mark.parametrize("threshold", [np.nan, -1.0])
     def test_a_state_has_a_threshold(self, threshold, assert_same):

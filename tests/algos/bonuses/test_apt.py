@@ -190,10 +190,6 @@ def test_distances_are_scipys():
     assert distances(one[:1], one[:1]).item() == pytest.approx(1e-3)
 
 
-def test_the_gradient_is_that_of_differences():
-    assert th.autograd.gradcheck(InfoNCE.apply, make_features())
-
-
 @pytest.mark.parametrize("scale", [1e-2, 1.0, 300.0])  # distances of 2,400, too
 def test_loss_and_gradient_are_autograds(scale):
     features = make_features(n=64, n_features=32, dtype=th.float32)

@@ -43,15 +43,6 @@ def test_its_logarithm_is_what_a_step_adds_to_the_volume(seed, n, ridge):
     np.testing.assert_allclose(scores, np.diff(volumes), rtol=1e-4, atol=1e-6)
 
 
-def test_the_same_again_is_worth_one_less_a_step():
-    observations = np.repeat(make_observations(1), 30, axis=0)
-    e3b = make_e3b()
-    scores = e3b.score_trajectory(observations, np.zeros(29, dtype=np.int64))
-    np.testing.assert_allclose(np.diff(1.0 / scores.astype(float)), 1.0, rtol=1e-4)
-    alone = np.square(e3b.features(observations[:1])).sum() / e3b.ridge
-    assert scores[0] == pytest.approx(alone / (1.0 + alone))  # the episode began there
-
-
 @pytest.mark.parametrize("actions", [spaces.Discrete(3), spaces.Box(-1, 1, (2,))])
 def test_features_learn_what_actions_change(actions):
     """The action is the first entry's change, the others are noise."""

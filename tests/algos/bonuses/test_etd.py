@@ -8,7 +8,7 @@ from observations import make_observations
 from scipy.spatial.distance import cdist
 from torch.nn.functional import log_softmax
 
-from curiosity_algos.bonuses.etd import ETD, visit
+from curiosity_algos.bonuses.etd import ETD
 
 SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
 
@@ -31,24 +31,6 @@ def test_it_is_the_papers_formula(seed, n):
     expected = [distances[:t, t].min() for t in range(1, n + 1)]
     scores = etd.score_trajectory(observations, np.zeros(n, dtype=np.int64))
     np.testing.assert_allclose(scores, expected, rtol=1e-4)
-
-
-def test_three_points_by_hand():
-    """Of two features f and two g; from the first to the second it is not as far as back."""
-    features = np.array([[0.0, 2.0, 0.0, 0.0], [1.0, 0.0, 3.0, 4.0], [0.0, 2.0, 3.0, 4.0]])
-    scores = np.empty(2)
-    visit(features, 1, scores)
-    assert scores.tolist() == [2.0 + 5.0, 1.0]  # the third is nearer to the second
-
-
-@given(st.integers(0, 1000))
-def test_it_is_a_quasimetric(seed):
-    features = make_etd().features(make_observations(12, seed))
-    distances = by_definition(features, features)
-    np.testing.assert_allclose(np.diag(distances), 0.0)
-    around = (distances[:, :, None] + distances[None]).min(axis=1)
-    assert (distances <= around + 1e-9).all()
-    assert not np.allclose(distances, distances.T)
 
 
 def test_the_loss_tells_what_followed_from_what_did_not():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from observations import make_observations
 from scipy.spatial.distance import cdist
 
-from curiosity_algos.bonuses.ngu import NGU, visit
+from curiosity_algos.bonuses.ngu import NGU
 
 SPACE = spaces.Box(-1, 1, (6,)), spaces.Discrete(3)
 
@@ -38,15 +38,6 @@ def test_it_is_the_papers_formula(seed, n, n_neighbors):
     expected = by_definition(ngu.features(observations), n_neighbors, 1.0)
     scores = ngu.score_trajectory(observations, np.zeros(n, dtype=np.int64))
     np.testing.assert_allclose(scores, expected, rtol=1e-4)
-
-
-def test_two_points_by_hand():
-    """The second is at 1 from the first, the third where the first is, and 1 from the second."""
-    features, scores = np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), np.empty(2)
-    visit(features, 1, np.empty(2), 0.5, scores)
-    far = 1e-3 / (2.0 - 8e-3 + 1e-3)  # twice the mean distance
-    assert scores[0] == pytest.approx(1.0 / (far**0.5 + 1e-3))
-    assert scores[1] == pytest.approx(1.0 / ((1.0 + far) ** 0.5 + 1e-3))
 
 
 def test_distances_are_measured_by_those_to_the_nearest_in_training():

@@ -32,11 +32,7 @@ class TestDrawnTransitions:
             (n, 60) if is_discrete else (n, 60, 2),
             (n, 60, N_OBSERVATIONS),
         ]
-        assert [part.dtype for part in drawn] == [
-            np.float32,
-            rollouts.actions.dtype,
-            np.float32,
-        ]
+        assert [part.dtype for part in drawn] == [np.float32, rollouts.actions.dtype, np.float32]
         for i, length in enumerate(LENGTHS):
             times = []
             for observation, action, following in zip(*(part[i] for part in drawn), strict=True):

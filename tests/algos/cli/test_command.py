@@ -91,33 +91,6 @@ def test_robots_are_drawn_without_a_screen(variables, libraries, chosen, run_her
     assert seen == [chosen]
 
 
-def test_stable_baselines_algorithms_are_compared_with_ours(run_here, refused, tmp_path):
-    """Trained, gone on with, played, and shown beside an algorithm of this package."""
-    maze = ["--env", "CuriosityMaze-US-v0", "--env-kwargs", "horizon:50"]
-    small = ["--hyperparams", "n_steps:32", "--hyperparams", "batch_size:64"]
-    ppo = ["train", "--algo", "ppo", "--bonus", "APT", "--n-envs", "4", *maze, *small]
-    ppo += ["--bonus-kwargs", "weight:0.5", "--bonus-kwargs", "power:2.0"]
-    for timesteps in ("256", "384"):  # from the beginning, and on from there
-        status, printed, errors = run_here(*ppo, "-n", timesteps)
-        assert status == 0, errors
-    folder = str(pathlib.Path("runs", "PPO+apt", "CuriosityMaze-US-v0", "0"))
-    assert printed.startswith(f"{folder}: best return 0.000, no success, coverage reachable")
-    assert run_here(*ppo, "-n", "384")[1] == f"{folder} is finished.\n"
-    assert run_here("enjoy", folder, "--no-render", "--starts", "2")[1] == "Return 0.000\n"
-    assert "of an algorithm that evolves policies" in refused(
-        *("export", folder, "--to", "onnx", "--out", "policy.onnx")
-    )
-    ours = ["--algo", "map_elites", "--hyperparams", "population_size:8", "-n", "400"]
-    assert run_here("train", *ours, *maze)[0] == 0
-    runs = load_runs(tmp_path / "runs").set_index("algorithm")
-    assert list(runs.index) == ["MAPElites", "PPO + APT"]
-    assert runs.at["PPO + APT", "timesteps"] == 384
-    assert runs.at["PPO + APT", "vec_env.wrappers.BonusVecEnvWrapper.weight"] == 0.5
-    assert run_here("plot", "runs")[0] == 0
-    assert run_here("report", "runs")[:2] == (0, "2 runs on 1 environment: report.html\n")
-    assert "PPO + APT" in (tmp_path / "report.html").read_text()
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -264,7 +237,7 @@ def test_environments_of_another_package_need_nothing_but_their_ids(run_here, tm
     for command in (
         [*words, "-n", "300", "--jobs", "2"],
         [*words, "-n", "600", "--jobs", "1"],  # goes on
-        ["enjoy", "runs/MAPElites/mine-us-v0/0", "--no-render", "--trust"],
+        ["enjoy", "runs/MAPElites/mine-us-v0/0", "--no-render", "--trust", "--starts", "2"],
         ["plot", "runs"],
         ["report", "runs", "--out", "report.html"],
     ):

@@ -4,7 +4,7 @@ import torch as th
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from curiosity_algos.common.networks import RunningNormalizer, single_torch_thread, torch_device
+from curiosity_algos.common.networks import RunningNormalizer, torch_device
 
 
 @settings(deadline=None)
@@ -64,15 +64,6 @@ def test_a_gpu_that_is_not_there_is_not_the_processor():
     assert torch_device("auto") == th.device("cpu")
     with pytest.raises(ValueError, match="`device` must be"):
         torch_device("cuda")
-
-
-class TestSingleTorchThread:
-    @pytest.mark.parametrize("n_threads", [1, 2, 3])
-    def test_the_users_setting_comes_back(self, n_threads):
-        th.set_num_threads(n_threads)
-        with single_torch_thread():
-            assert th.get_num_threads() == 1
-        assert th.get_num_threads() == n_threads
 
 
 def test_one_observation_like_no_other_moves_the_deviation_by_a_small_factor():

@@ -49,12 +49,8 @@ def test_every_algorithm_and_task_has_settings(preset):
 
 
 def test_the_papers_td3_is_the_class_but_for_its_inputs():
-    model = TD3ICM.from_preset("paper", HARD)
-    settings = {"learning_rate": 5e-5, "gamma": 0.99, "batch_size": 128, "tau": 0.005}
-    settings |= {"learning_starts": 10_000, "buffer_size": 1_000_000, "preset": "paper"}
-    assert {name: getattr(model, name) for name in settings} == settings
-    assert model.replay_buffer.n_updates == 64
-    assert model.replay_buffer_kwargs["bonus_kwargs"] == {"normalize": False, "learning_rate": 6e-6}
+    kwargs = {"normalize": False, "learning_rate": 6e-6}
+    assert TD3ICM.from_preset("paper", HARD).replay_buffer_kwargs["bonus_kwargs"] == kwargs
 
 
 def test_the_papers_table():

@@ -77,7 +77,7 @@ class Buffer:
 
     def make(self, **settings):
         settings = {"train_interval": 8} | SMALL | settings
-        size = settings.pop("buffer_size", 60)
+        size = settings.pop("buffer_size", 16)  # fewer than it collects
         device = settings.pop("device")
         return BonusReplayBuffer(size, OBSERVATIONS, ACTIONS, device, 2, **settings)
 

@@ -38,18 +38,11 @@ def evaluate(env, mlp, parameters, n_threads=None, seed=None):
 
 
 @pytest.mark.parametrize("name", NAMES)
-class TestEveryTask:
-    def test_equals_a_loop_over_the_env(self, name, play, assert_equal_episodes):
-        env, mlp, parameters = make(name)
-        rollouts = evaluate(env, mlp, parameters)
-        assert_equal_episodes(rollouts, play(env, mlp, parameters))
-        assert len(np.unique(rollouts.behaviors, axis=0)) > len(parameters) / 2
-
-    def test_threads_change_no_bit(self, name, assert_same_rollouts):
-        env, mlp, parameters = make(name, 5, horizon=150)
-        one, *others = (evaluate(env, mlp, parameters, threads) for threads in (1, 2, 4, None))
-        for other in others:
-            assert_same_rollouts(one, other)
+def test_equals_a_loop_over_the_env(name, play, assert_equal_episodes):
+    env, mlp, parameters = make(name)
+    rollouts = evaluate(env, mlp, parameters)
+    assert_equal_episodes(rollouts, play(env, mlp, parameters))
+    assert len(np.unique(rollouts.behaviors, axis=0)) > len(parameters) / 2
 
 
 class TestRandomStarts:

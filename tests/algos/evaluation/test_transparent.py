@@ -84,10 +84,3 @@ def test_the_lowest_limit_counts(limits, expected):
     for limit in limits:
         env = wrappers.TimeLimit(env, limit)
     assert max_steps(env) == expected
-
-
-@pytest.mark.parametrize(("limit", "expected"), [(None, 20), (5, 5)])
-def test_a_vector_env_has_its_own_limit(limit, expected):
-    envs = MazeVectorEnv("hard", num_envs=2, horizon=20)
-    envs.max_episode_steps = limit
-    assert max_steps(envs) == expected

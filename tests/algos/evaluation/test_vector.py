@@ -60,16 +60,6 @@ def test_every_kind_of_env_equals_a_plain_loop(kind, env_maker, play, assert_equ
         env.close()
 
 
-def test_episodes_of_one_generation_share_their_start_and_seeds_differ():
-    env = gym.make("CartPole-v1")
-    mlp, parameters = make_policies(env)
-    evaluator = VectorEvaluator(env, mlp)
-    one, same, other = (evaluator.evaluate(parameters, seed) for seed in (1, 1, 2))
-    assert len(np.unique(one.observations[:, 0], axis=0)) == 1
-    np.testing.assert_array_equal(one.final_observations, same.final_observations)
-    assert not np.array_equal(one.observations[:, 0], other.observations[:, 0])
-
-
 def test_a_vector_env_with_one_generator_for_all_is_seeded_once():
     env = gym.make_vec("CartPole-v1", num_envs=3)
     assert not hasattr(env.unwrapped, "env_fns")

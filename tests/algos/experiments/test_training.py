@@ -91,31 +91,20 @@ def test_ctrl_c_keeps_whole_generations(tmp_path, monkeypatch, assert_same, n_ti
     assert_same(load_final_states(whole), load_final_states(cut))
 
 
-def test_one_that_was_killed_at_its_end_is_ended(tmp_path, monkeypatch, assert_same):
-    whole, killed = tmp_path / "whole", tmp_path / "killed"
-    train(small(), whole)
-
-    def kill(*args, **kwargs):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("curiosity_algos.experiments.run_folder.RunFolder.note", kill)
-    with pytest.raises(KeyboardInterrupt):
-        train(small(), killed)
-    monkeypatch.undo()
-    assert not is_finished(small(), killed)
-    assert train(small(), killed)
-    assert_same(load_final_states(whole), load_final_states(killed))
-    assert not train(small(), killed)
-
-
 POLE = RunSpec("canonical_es", "CartPole-v1", 0, 1, {"max_episode_steps": 20}, SMALL)
 FIELD = {"layout": "open-8x8-seed11", "start_radius": 5.0}
 SEARCH = RunSpec("go_explore", "CuriosityMaze-v0", 0, 1e6, FIELD)
 
 
-@pytest.mark.parametrize(("run", "enough"), [(POLE, None), (SEARCH, Enough(1))])
-def test_one_that_was_killed_while_its_policy_was_tried_tries_it_again(
-    run, enough, tmp_path, monkeypatch
+TRIED = "training.evaluate_starts"
+
+
+@pytest.mark.parametrize(
+    ("run", "enough", "killed_in"),
+    [(small(), None, "run_folder.RunFolder.note"), (POLE, None, TRIED), (SEARCH, Enough(1), TRIED)],
+)
+def test_one_that_was_killed_at_its_end_is_ended(
+    run, enough, killed_in, tmp_path, monkeypatch, assert_same
 ):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(run, whole, enough=enough)
@@ -123,13 +112,14 @@ def test_one_that_was_killed_while_its_policy_was_tried_tries_it_again(
     def kill(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("curiosity_algos.experiments.training.evaluate_starts", kill)
-    with pytest.raises(KeyboardInterrupt):
-        train(run, killed, enough=enough)
-    monkeypatch.undo()
+    with monkeypatch.context() as patched:
+        patched.setattr(f"curiosity_algos.experiments.{killed_in}", kill)
+        with pytest.raises(KeyboardInterrupt):
+            train(run, killed, enough=enough)
     assert not is_finished(run, killed)
     assert train(run, killed, enough=enough)
     one, other = RunFolder(whole).result(), RunFolder(killed).result()
-    assert one["starts"]["n"] == 100
+    assert killed_in != TRIED or one["starts"]["n"] == 100
     assert other == one | {"seconds": other["seconds"]}
+    assert_same(load_final_states(killed), load_final_states(whole))
     assert not train(run, killed, enough=enough)

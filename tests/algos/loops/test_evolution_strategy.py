@@ -3,17 +3,10 @@ import json
 import numpy as np
 import pytest
 import torch as th
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from curiosity_algos import NSES, CanonicalES, CuriosityES
 from curiosity_algos.motivations.fitness import standardize
 from curiosity_algos.search.canonical import CanonicalSearch
-
-SEED = np.random.SeedSequence(0)
-POPULATIONS = hnp.arrays(
-    np.float64, st.integers(1, 30), elements=st.floats(-1e6, 1e6, allow_subnormal=False)
-)
 
 
 @pytest.mark.parametrize(

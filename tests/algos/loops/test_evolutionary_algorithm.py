@@ -14,7 +14,6 @@ from gymnasium.vector import SyncVectorEnv
 from logs import read_log
 from stable_baselines3.common.callbacks import (
     BaseCallback,
-    CheckpointCallback,
     EvalCallback,
     StopTrainingOnRewardThreshold,
 )
@@ -28,6 +27,7 @@ from curiosity_algos import (
     CMAME,
     NSES,
     NSLC,
+    TD3ICM,
     CanonicalES,
     CuriosityES,
     CuriosityMAPElites,
@@ -153,19 +153,6 @@ class TestLearn:
         model.learn(60 * 64, reset_num_timesteps=False)
         assert model.first_success_timesteps > 1000
 
-    def test_cells_are_visited_at_any_step(self, algorithm, make_model, make_maze):
-        env, oracle = make_maze(), make_maze()
-        model, recorder = make_model(algorithm, env), Recorder()
-        model.learn(2 * GENERATION, callback=recorder)
-        cells, grid = set(), env.unwrapped.coverage_grid
-        for rollouts in recorder.rollouts:
-            for actions, length in zip(rollouts.actions, rollouts.lengths, strict=True):
-                oracle.reset()
-                infos = [oracle.step(action)[-1] for action in actions[:length]]
-                cells |= set(grid.cells(np.array([info["behavior"] for info in infos])).tolist())
-        assert model.coverage_shares["visited"] == len(cells) / grid.reachable.sum()
-        assert model.coverage_shares["visited"] > model.coverage
-
     def test_a_bar_counts_timesteps(self, make_model, make_maze, capsys):
         model = make_model(CanonicalES, make_maze())
         model.learn(GENERATION + 100, progress_bar=True)
@@ -196,24 +183,8 @@ class TestDeterminism:
         assert_same_run(models[0], models[1])
         assert_same_run(models[0], models[2])
 
-    def test_the_number_of_envs_changes_no_bit(
-        self, algorithm, make_model, make_classic, assert_same_run
-    ):
-        make = lambda: make_classic("Pendulum-v1", max_episode_steps=20)  # noqa: E731
-        single = make_model(algorithm, make()).learn(400)
-        several = make_model(algorithm, SyncVectorEnv([make] * 4)).learn(400)
-        assert_same_run(single, several)
-
 
 class TestPredict:
-    def test_one_observation_or_a_batch(self, algorithm, make_model, make_maze):
-        env = make_maze()
-        model = make_model(algorithm, env)
-        observations = np.stack([env.observation_space.sample() for _ in range(5)])
-        actions, state = model.predict(observations, deterministic=True)
-        assert (actions.shape, actions.dtype, state) == ((5, 2), np.float32, None)
-        np.testing.assert_array_equal(model.predict(observations[3])[0], actions[3])
-
     def test_the_center_acts_while_there_is_no_reward(self, algorithm, make_model, make_maze):
         model = make_model(algorithm, make_maze())
         for _ in range(2):
@@ -311,29 +282,36 @@ class TestEnvs:
         assert_same_run(model.learn(GENERATION), untouched.learn(GENERATION))
 
 
-class TestArguments:
-    @pytest.mark.parametrize(
-        ("algorithm", "name", "values"),
-        [
-            (CanonicalES, "population_size", [0, 2.5]),
-            (CanonicalES, "n_parents", [0, 7]),
-            (CanonicalES, "sigma", [0.0, 1e300]),
-            (CanonicalES, "learning_rate", [0.0]),
-            (CanonicalES, "step", ["Canonical"]),
-            (CanonicalES, "mirrored_sampling", ["no", 1]),
-            (MAPElites, "population_size", [0]),
-            (MAPElites, "sigma", [0.0]),
-            (CanonicalES, "n_threads", [0]),
-            (CanonicalES, "policy_kwargs", [{"activation_fn": None}]),
-            (CanonicalES, "seed", [-1, "1", True]),
-            (CanonicalES, "verbose", [-1, 3, "a", True]),
-            (CanonicalES, "device", ["gpu", 3.5, 0, None]),
-        ],
-    )
-    def test_errors_name_the_argument(self, algorithm, make_model, make_maze, name, values):
-        for value in values:
-            with pytest.raises(ValueError, match=f"`{name}` m"):
-                make_model(algorithm, make_maze(), **{name: value})
+WRONG = [
+    (CanonicalES, {"population_size": 0, "n_parents": 0, "sigma": 0.0, "learning_rate": 0.0}),
+    (CanonicalES, {"population_size": 2.5, "n_parents": 7, "sigma": 1e300, "step": "Canonical"}),
+    (CanonicalES, {"mirrored_sampling": "no", "n_threads": 0, "seed": -1, "verbose": -1}),
+    (CanonicalES, {"mirrored_sampling": 1, "seed": "1", "verbose": 3, "device": "gpu"}),
+    (CanonicalES, {"policy_kwargs": {"activation_fn": None}, "seed": True, "device": 3.5}),
+    (CanonicalES, {"verbose": "a", "device": 0}),
+    (CanonicalES, {"verbose": True, "device": None}),
+    (MAPElites, {"population_size": 0, "sigma": 0.0}),
+    (CMAME, {"restart_interval": 0, "es": "cma", "population_size": 1}),
+    (AURORA, {"latent_size": 0, "trajectory_share": 0.0, "archive_size": 0, "batch_size": 0}),
+    (AURORA, {"training_interval": 0, "n_epochs": 10**18, "ae_learning_rate": -1.0}),
+    (CuriosityES, {"phi": 1.1, "gamma": 1.1, "n_states": 0, "bonus": "ICM", "no_reward": "noise"}),
+    (CuriosityES, {"n_transitions": 0, "n_updates": 0, "batch_size": 0, "buffer_size": 0}),
+    (CuriosityES, {"bonus_kwargs": [1]}),
+    (CuriosityMAPElites, {"tournament_size": 0, "n_kept": 0, "bonus": "none"}),
+    (CuriosityMAPElites, {"bonus_kwargs": {"depth": 1}}),
+    (NSES, {"k": 0, "behavior": "last"}),
+    (NSLC, {"n_parents": 7, "k": 0, "archive_size": 0, "behavior": "x"}),
+    (TD3ICM, {"weight": -1.0, "n_updates": 0, "batch_size": 0, "buffer_size": 0, "extrinsic": 1}),
+    (TD3ICM, {"bonus": "novelty", "bonus_kwargs": {"depth": 3}, "policy_kwargs": [32]}),
+    (TD3ICM, {"learning_rate": -1.0}),
+]
+
+
+@pytest.mark.parametrize(("algorithm", "wrong"), WRONG)
+def test_errors_name_the_argument(algorithm, wrong, make_model, make_maze):
+    for name, value in wrong.items():
+        with pytest.raises(ValueError, match=f"`{name}` must "):
+            make_model(algorithm, make_maze(), **{name: value})
 
 
 class TestParameters:
@@ -420,18 +398,11 @@ class TestLogging:
 
 class TestCallbacks:
     def test_events_come_in_stable_baselines_order(self, make_model, make_maze):
-        recorder = Recorder()
-        make_model(CanonicalES, make_maze()).learn(2 * GENERATION, callback=recorder)
         generation = ["rollout start", "step", "rollout end"]
-        assert recorder.events == ["training start", *generation, *generation, "training end"]
-        assert recorder.timesteps == [GENERATION, 2 * GENERATION]
-
-    def test_false_stops(self, make_model, make_maze):
-        recorder = Recorder(stop_after=2)
-        model = make_model(CanonicalES, make_maze())
-        model.learn(9 * GENERATION, callback=recorder)
-        assert model.generation == 2
-        assert recorder.events[-1] == "training end"
+        for n, recorder in ((2, Recorder()), (9, Recorder(stop_after=2))):
+            make_model(CanonicalES, make_maze()).learn(n * GENERATION, callback=recorder)
+            assert recorder.events == ["training start", *generation, *generation, "training end"]
+            assert recorder.timesteps == [GENERATION, 2 * GENERATION]
 
     @pytest.mark.parametrize("horizon", HORIZONS)
     def test_evaluation_stops_at_a_threshold(
@@ -451,12 +422,6 @@ class TestCallbacks:
         assert callback.best_mean_reward == model.best_return > 0.1
         best = algorithm.load(tmp_path / "best_model", env=make_easy_maze(horizon=horizon))
         assert evaluate_policy(best, best.get_env(), 1)[0] == model.best_return
-
-    def test_checkpoints_count_generations(self, make_model, make_maze, tmp_path):
-        callback = CheckpointCallback(save_freq=2, save_path=str(tmp_path))
-        make_model(CanonicalES, make_maze()).learn(5 * GENERATION, callback=callback)
-        names = [f"rl_model_{n * GENERATION}_steps.zip" for n in (2, 4)]
-        assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
 
 
 def test_trajectories_are_freed_before_others_come(algorithm, make_model, make_maze):

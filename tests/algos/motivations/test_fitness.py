@@ -10,7 +10,6 @@ from curiosity_algos import NSES, CuriosityES
 from curiosity_algos.motivations.fitness import HIGHEST, Fitness, check_phi, standardize
 
 SEED = np.random.SeedSequence(0)
-STRATEGIES = pytest.mark.parametrize("algorithm", [CuriosityES, NSES])
 
 
 def adapted(*generations):
@@ -122,18 +121,14 @@ def test_errors_say_what_phi_may_be(phi):
         check_phi(phi)
 
 
-def draw_seed(model):
-    """The seed of the next generation's episodes."""
-    return int(model._episode_seeds.integers(2**31))
-
-
 def test_a_generation_is_ranked_by_the_weight_that_it_leads_to(
     make_model, make_easy_maze, assert_same
 ):
     model, twin = (make_model(NSES, make_easy_maze(), phi="adaptive") for _ in range(2))
     phi, best, lowest = Fitness("adaptive", "ignore", SEED), -np.inf, HIGHEST
     for _ in range(20):
-        rollouts = twin.evaluator.evaluate(twin._search.ask(), draw_seed(twin))
+        seed = int(twin._episode_seeds.integers(2**31))
+        rollouts = twin.evaluator.evaluate(twin._search.ask(), seed)
         phi.adapt(rollouts.returns.max())
         lowest = min(lowest, phi.weight)
         best = max(best, rollouts.returns.max())

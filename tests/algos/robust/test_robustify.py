@@ -58,17 +58,6 @@ def test_seeds_decide(short, demonstration):
     assert any((one[name] != other[name]).any() for name in one)
 
 
-def test_callbacks_are_called(short, demonstration):
-    steps = []
-    robustify(
-        [demonstration],
-        Walk,
-        total_timesteps=1,
-        callback=lambda values, _: bool(steps.append(values["self"].num_timesteps)) or True,
-    )
-    assert steps[-1] == 256 * 4
-
-
 def test_environments_are_closed_where_the_training_fails(short, demonstration, monkeypatch):
     closed = []
     monkeypatch.setattr(Walk, "close", lambda self: closed.append(self))

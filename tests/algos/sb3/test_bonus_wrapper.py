@@ -7,8 +7,6 @@ import torch as th
 from gymnasium import spaces
 from recorder import Count, Recorder
 from saved_files import with_entry
-from sb3_contrib import TQC
-from stable_baselines3 import A2C, PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
@@ -279,23 +277,6 @@ class TestTraining:
 
 class TestAlgorithms:
     @pytest.mark.parametrize(
-        ("algorithm", "settings", "bonus"),
-        [
-            (PPO, {"n_steps": 32, "batch_size": 32}, "noveld"),
-            (A2C, {}, "icm"),
-            (SAC, {"learning_starts": 20}, "rnd"),
-            (TQC, {"learning_starts": 20}, "apt"),
-        ],
-        ids=lambda value: getattr(value, "__name__", ""),
-    )
-    def test_sb3s_algorithms_train(self, algorithm, settings, bonus):
-        venv = make_vec_env("CuriosityMaze-US-v0", n_envs=2, seed=0)
-        venv = wrap(venv, bonus=bonus, train_interval=32)
-        algorithm("MlpPolicy", venv, seed=0, device="cpu", **settings).learn(64)
-        assert len(venv.buffer) >= 64
-        assert np.isfinite(list(venv.metrics.values())).all()
-
-    @pytest.mark.parametrize(
         ("key", "last"), [(None, [4, 40, 40]), ("number", [4]), ("other", [40, 40])]
     )
     def test_dictionaries(self, tmp_path, key, last, assert_same):
@@ -309,28 +290,6 @@ class TestAlgorithms:
 
 
 class TestFiles:
-    @pytest.mark.parametrize("n_steps", [64, 40])  # 40 is in mid-episode
-    def test_ppo_goes_on_bit_for_bit(self, tmp_path, make_easy_maze, assert_same, n_steps):
-        def make_env():
-            return make_vec_env(make_easy_maze, n_envs=2)
-
-        settings = {"n_steps": n_steps, "batch_size": 16, "n_epochs": 2, "device": "cpu"}
-        venv = wrap(make_env(), train_interval=50)
-        model = PPO("MlpPolicy", venv, seed=0, **settings).learn(2 * n_steps)
-        model.save(tmp_path / "model")
-        venv.save(tmp_path / "wrapper.npz")
-        # SB3 draws from numpy's old global generator.
-        generators = th.get_rng_state(), np.random.get_state()  # noqa: NPY002
-        model.learn(4 * n_steps, reset_num_timesteps=False)
-
-        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.npz", make_env(), device="cpu")
-        loaded = PPO.load(tmp_path / "model", env=other, device="cpu", force_reset=False)
-        th.set_rng_state(generators[0])
-        np.random.set_state(generators[1])  # noqa: NPY002
-        loaded.learn(4 * n_steps, reset_num_timesteps=False)
-        assert_same(venv.state_dict(), other.state_dict())
-        assert_same(model.get_parameters(), loaded.get_parameters())
-
     def test_episodes_that_the_file_does_not_know_begin_with_the_first_step(
         self, tmp_path, monkeypatch
     ):

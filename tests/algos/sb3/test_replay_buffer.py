@@ -77,13 +77,6 @@ def add(buffer, x, reward=0.0, done=False, truncated=False):
 
 
 class TestSamples:
-    def test_rewards_are_of_now(self):
-        buffer = make_buffer()
-        add(buffer, 1, reward=10.0)
-        for buffer.bonus.factor in (1.0, 3.0, 0.0):
-            (reward,) = buffer.sample(1).rewards.numpy()
-            assert reward == pytest.approx(10.0 + 0.5 * worth(1) * buffer.bonus.factor)
-
     def test_values_stop_at_terminations_alone(self):
         buffer = make_buffer()
         add(buffer, 0)
@@ -496,18 +489,6 @@ def test_any_algorithm_learns_with_it(name):
     assert not th.equal(weights(model), weights(without))
 
 
-def test_sb3_saves_and_loads_it(tmp_path):
-    model = make_model("SAC").learn(100)
-    model.save_replay_buffer(tmp_path / "buffer")
-    other = make_model("SAC", seed=5)
-    other.load_replay_buffer(tmp_path / "buffer")
-    for _ in range(3):
-        for one, twin in zip(
-            model.replay_buffer.sample(9)[:5], other.replay_buffer.sample(9)[:5], strict=True
-        ):
-            assert th.equal(one, twin)
-
-
 @pytest.mark.parametrize("name", ["numbers", "task"])
 def test_a_loaded_model_goes_on_bit_for_bit(name, tmp_path):
     """With its environments and generators as they stood, which SB3's files leave out."""
@@ -531,25 +512,6 @@ def test_a_loaded_model_goes_on_bit_for_bit(name, tmp_path):
     assert th.equal(weights(model), weights(twin))
     assert model.replay_buffer.metrics == twin.replay_buffer.metrics != {}
     assert model.num_timesteps == twin.num_timesteps == 2 * n_steps
-
-
-@pytest.mark.parametrize("n_steps", [20, 200])
-def test_its_own_file_goes_on(n_steps, tmp_path):
-    """Whether it has been filled or not."""
-
-    def make(seed):
-        settings = {"train_interval": 16, "n_updates": 2, "gamma": 0.9, "n_envs": 2}
-        return make_buffer(64, bonus="apt", seed=seed, **settings)
-
-    one, twin = make(0), make(1)
-    walk(one, n_steps)
-    one.save(tmp_path / "buffer.npz")
-    twin.restore(tmp_path / "buffer.npz")
-    for buffer in (one, twin):
-        walk(buffer, 50, ends=lambda env, step: step % 7 == env)
-    assert one.metrics == twin.metrics
-    for ours, theirs in zip(one.sample(40)[:5], twin.sample(40)[:5], strict=True):
-        assert th.equal(ours, theirs)
 
 
 @pytest.mark.parametrize(

@@ -97,19 +97,6 @@ def parents_of(asked):
     return parents.tolist()
 
 
-def first_fronts(points):
-    """Individuals by how many fronts lie above them, from chains of dominated points."""
-
-    def is_better(one, other):
-        return one != other and one[0] >= other[0] and one[1] >= other[1]
-
-    ranks = {}
-    for point in sorted(set(points), reverse=True):
-        above = [ranks[other] + 1 for other in ranks if is_better(other, point)]
-        ranks[point] = max(above, default=0)
-    return [ranks[point] for point in points]
-
-
 class TestPareto:
     def test_the_first_offspring_are_of_x0(self):
         np.testing.assert_allclose(make_pareto().ask(), np.full((10, 3), -1.0), rtol=1e-6)
@@ -119,19 +106,6 @@ class TestPareto:
         # The line 1, 3, 4, 6 dominates; 3 is its most crowded.
         tell(emitter, [0.0, 1.0, 2.0, 2.5, 4.0, 0.5, 9.0], [0, 7, 1, 6, 5, 6, 1])
         assert parents_of(emitter.ask()) == [1, 6, 4, 1, 6, 4, 1]
-
-    @pytest.mark.parametrize("number", range(4))
-    def test_no_better_front_is_passed_over(self, number):
-        rng = np.random.default_rng(number)
-        n, n_parents = 20, int(rng.integers(1, 20))
-        novelty, competition = rng.integers(0, 6, n).astype(float), rng.integers(0, 6, n)
-        emitter = make_pareto(n_parents=n_parents, batch_size=n_parents)
-        tell(emitter, novelty, competition)
-        parents = parents_of(emitter.ask())
-        ranks = first_fronts(list(zip(novelty.tolist(), competition.tolist(), strict=True)))
-        assert len(set(parents)) == n_parents
-        assert sorted(ranks[i] for i in parents) == sorted(ranks)[:n_parents]
-        assert [ranks[i] for i in parents] == sorted(ranks[i] for i in parents)
 
     def test_the_last_generation_alone_has_offspring(self):
         emitter = make_pareto(n_parents=2)

@@ -95,11 +95,3 @@ def test_best_are_those_of_the_definition(objectives, data):
     best = pareto_best(objectives, n)
     assert best.dtype == np.int64
     assert best.tolist() == best_by_definition(objectives.tolist(), n)
-
-
-def test_best_by_hand():
-    line = [[0.0, 10.0], [1.0, 9.0], [2.0, 8.0], [6.0, 4.0], [10.0, 0.0]]
-    objectives = np.array([[-1.0, -1.0], *line, [-2.0, -2.0]])
-    # The ends, then those with the most room; the dominated rows come last.
-    assert pareto_best(objectives, 7).tolist() == [1, 5, 4, 3, 2, 0, 6]
-    assert pareto_best(objectives, 3).tolist() == [1, 5, 4]

@@ -2,7 +2,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from ribs.emitters import EvolutionStrategyEmitter, GaussianEmitter, IsoLineEmitter
+from ribs.emitters import (
+    EvolutionStrategyEmitter,
+    GaussianEmitter,
+    GeneticAlgorithmEmitter,
+    IsoLineEmitter,
+)
 from saved_files import through_a_file
 
 from curiosity_algos.algorithms.cma_me import STRATEGIES
@@ -27,9 +32,11 @@ MUTATED = COMMON | {"sigma": 0.3}
 STRATEGY = COMMON | {"sigma0": 0.3, "ranker": "2imp", "restart_rule": 5}
 FILTER = {"es": "sep_cma_es", "selection_rule": "filter", "restart_rule": "basic"}
 TOURNAMENT = {"score": lambda elites: elites["objective"], "tournament_size": 3}
+ISO_LINE = {"operator": "isoline", "operator_kwargs": {"iso_sigma": 0.1, "line_sigma": 0.2}}
 EMITTERS = {
     "gaussian": partial(GaussianEmitter, **MUTATED),
     "iso_line": partial(IsoLineEmitter, **COMMON),
+    "genetic": partial(GeneticAlgorithmEmitter, **COMMON, **ISO_LINE),
     "tournament": partial(TournamentEmitter, **MUTATED, **TOURNAMENT),
     "pareto": partial(ParetoEmitter, **MUTATED, n_parents=3),
     **{es: partial(EvolutionStrategyEmitter, **STRATEGY, es=es) for es in STRATEGIES},

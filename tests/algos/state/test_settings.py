@@ -9,7 +9,7 @@ from gymnasium.spaces import Box, Discrete
 from ribs.emitters import GaussianEmitter
 from stable_baselines3.common.callbacks import BaseCallback
 
-from curiosity_algos import CMAME, NSES, NSLC, RND, CuriosityES
+from curiosity_algos import AURORA, CMAME, NSES, NSLC, RND, CuriosityES, CuriosityMAPElites
 from tests.algos.conftest import SETTINGS
 
 NO_SETTINGS = {"env", "policy", "evaluator", "verbose", "tensorboard_log"}
@@ -86,6 +86,24 @@ def test_a_change_is_in_force(
         each.learn(n_timesteps - each.num_timesteps, reset_num_timesteps=False)
     assert_same_run(model, given)
     assert not np.array_equal(outcome(model), outcome(as_it_was))
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "changes"),
+    [
+        (AURORA, {"latent_size": 2}),
+        (AURORA, {"trajectory_share": 0.1}),
+        (CuriosityES, {"bonus": "icm"}),
+        (CuriosityES, {"bonus_kwargs": {"horizon": 3}}),
+        (CuriosityES, {"bonus_kwargs": {"normalize": False}}),
+        (CuriosityES, {"buffer_size": 7}),
+        (CuriosityMAPElites, {"n_kept": 2}),
+        (CuriosityMAPElites, {"bonus_kwargs": {"beta": 0.9}}),
+    ],
+)
+def test_what_a_model_is_made_with_has_an_effect(algorithm, changes, make_model, make_easy_maze):
+    made = (make_model(algorithm, make_easy_maze(), **each) for each in ({}, changes))
+    assert not np.array_equal(*(model.learn(3000)._ask() for model in made))
 
 
 def test_what_parts_were_made_with_stays(algorithm, make_model, make_easy_maze):

@@ -10,7 +10,6 @@ from html_tables import first_table
 from curiosity_algos.experiments.report import write_report
 
 MAZE = "CuriosityMaze-Hard-v0"
-MEASURED = ("coverage/reachable", "archive/qd_score", "archive/size")
 
 
 class Elements(HTMLParser):
@@ -142,21 +141,6 @@ def test_a_task_without_success_has_its_first_reward(runs_folder, report):
 def test_a_task_of_costs_has_no_count(runs_folder, report):
     text = report(*(runs_folder / "MAPElites").glob("Mountain*"))
     assert first_row(text)["Runs with a success"] == "\N{EN DASH}"
-
-
-def test_rows_of_other_callbacks_are_left_out(runs_folder, tmp_path, report):
-    """SB3's `EvalCallback` dumps the logger that the record hangs on in mid-step."""
-    shutil.copytree(runs_folder / "MAPElites" / MAZE, tmp_path / "runs")
-    whole = report(tmp_path / "runs")
-    (log,) = (tmp_path / "runs").rglob("progress.csv")
-    names, *rows = (line.split(",") for line in log.read_text().splitlines())
-    lines = [",".join(names)]
-    for row in rows:
-        at = dict(zip(names, row, strict=True))
-        parts = at | dict.fromkeys(MEASURED, ""), at | {"time/seconds": ""}
-        lines += [",".join(part.values()) for part in parts]
-    log.write_text("\n".join([*lines, ""]))
-    assert report(tmp_path / "runs") == whole
 
 
 def test_a_failure_leaves_the_page_as_it_was(runs_folder, tmp_path):

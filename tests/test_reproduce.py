@@ -5,6 +5,7 @@ import math
 import pathlib
 import re
 import sys
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -281,15 +282,19 @@ def test_a_run_that_is_missing_is_named(finished):
         paper_figures.draw(3, TrainedRuns(finished))
 
 
+def evidence(points_of, n=3):
+    """What a figure is drawn of: n curves of two points, at these times and heights, or none."""
+
+    def curves(series, env, measure):
+        points = points_of(series.algorithm, env)
+        return [tuple(map(np.array, zip((0.0, 0.0), points, strict=True)))] * n if points else []
+
+    return SimpleNamespace(about="all", curves=curves)
+
+
 def test_coverage_of_control_tasks_has_a_ceiling():
-    class Evidence:
-        about = "all"
-
-        def curves(self, series, env, measure):
-            n = 0 if series.algorithm == "TD3ICM" else 3
-            return [(np.array([0.0, 1e6]), np.array([0.0, 1e-3]))] * n
-
-    figure = paper_figures.draw(6, Evidence())
+    of_searches = evidence(lambda algorithm, _: None if algorithm == "TD3ICM" else (1e6, 1e-3))
+    figure = paper_figures.draw(6, of_searches)
     n_cells = dict(zip(CONTROL, (50**4, 50**3, 50**2), strict=True))
     for ax, env in zip(figure.axes, CONTROL, strict=True):
         assert ax.get_yscale() == "log"
@@ -302,15 +307,10 @@ def test_coverage_of_control_tasks_has_a_ceiling():
 
 
 def test_a_panel_that_nobody_has_is_left_out():
-    class Evidence:
-        about = "all"
+    def points_of(algorithm, env):
+        return 1e5 if algorithm == "TD3ICM" else 1e6, 0.0 if env == CONTROL[1] else 0.5
 
-        def curves(self, series, env, measure):
-            height = 0.0 if env == CONTROL[1] else 0.5
-            end = 1e5 if series.algorithm == "TD3ICM" else 1e6
-            return [(np.array([0.0, end]), np.array([0.0, height]))] * 5
-
-    figure = paper_figures.draw(5, Evidence())
+    figure = paper_figures.draw(5, evidence(points_of, 5))
     assert [ax.get_title() for ax in figure.axes] == ["BallInCup", "Stacker"]
     assert figure._supxlabel.get_text().endswith("No algorithm found a reward in Finger.")
     dots = [line for line in figure.axes[0].get_lines() if line.get_marker() == "."]
@@ -318,14 +318,8 @@ def test_a_panel_that_nobody_has_is_left_out():
 
 
 def test_what_was_not_trained_is_named():
-    class Untrained:
-        about = "nothing"
-
-        def curves(self, series, env, measure):
-            curve = (np.array([0.0, 10.0]), np.array([0.0, 0.5]))
-            return [] if series.algorithm == "TD3ICM" else [curve] * 3
-
-    for ax in paper_figures.draw(2, Untrained()).axes:
+    of_searches = evidence(lambda algorithm, _: None if algorithm == "TD3ICM" else (10.0, 0.5))
+    for ax in paper_figures.draw(2, of_searches).axes:
         assert ax.get_xlabel() == "timesteps (millions)\nnot trained: TD3-ICM"
 
 

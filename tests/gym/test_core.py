@@ -9,11 +9,6 @@ def make_grid(**changes):
     return CoverageGrid(**(values | {"n_cells": 5} | changes))
 
 
-def test_cells_count_along_the_chosen_entries_alone():
-    behaviors = np.array([[0.0, 99.0, -1.0], [9.9, -99.0, 0.99], [4.5, 0.0, -0.7]])
-    np.testing.assert_array_equal(make_grid().cells(behaviors), [0, 24, 2 * 5 + 0])
-
-
 def test_values_out_of_bounds_and_at_the_upper_bound_count_at_the_edge():
     behaviors = np.array([[10.0, 0.0, 1.0], [1e9, 0.0, 1e9], [-3.0, 0.0, -1e300]])
     cells = make_grid().cells(behaviors)

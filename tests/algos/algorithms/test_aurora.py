@@ -50,16 +50,6 @@ def test_states_are_40_percent_of_the_elites_own_trajectories(make_model, make_e
         np.testing.assert_array_equal(elites["states"][slot], expected)
 
 
-def test_the_archive_keeps_its_size(make_model, make_easy_maze):
-    model = make_model(AURORA, make_easy_maze(), archive_size=30, training_interval=4)
-    sizes = []
-    model.learn(40 * 6 * 64, callback=lambda *_: sizes.append(len(model.archive)) is None)
-    sizes = np.array(sizes)
-    reached = np.argmax(sizes >= 30)
-    assert sizes[reached] >= 30
-    assert 27 <= sizes[reached:].min() <= sizes.max() <= 33
-
-
 def test_it_begins_with_an_empty_archive(make_model, make_easy_maze):
     held = make_model(AURORA, make_easy_maze()).learn(2000).archive
     n_elites = len(held)

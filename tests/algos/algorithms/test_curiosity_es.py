@@ -24,14 +24,6 @@ def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):
         CuriosityES.load(tmp_path / "model", bonus="rnd")
 
 
-def test_curiosity_does_not_depend_on_the_unit_of_actions(make_model, make_pendulum, assert_same):
-    models = [make_model(CuriosityES, make_pendulum(unit)).learn(4000) for unit in (1, 2**10, 0.5)]
-    bonuses = [model._motivation.bonus.state_dict() for model in models]
-    assert_same(bonuses[0], bonuses[1])
-    assert_same(bonuses[0], bonuses[2])
-    np.testing.assert_array_equal(models[0]._ask(), models[1]._ask())
-
-
 @pytest.mark.parametrize(("n_states", "place"), [(None, 0), (20, -1), (20, -2)])
 def test_an_observation_that_is_not_finite_teaches_nothing(
     make_model, make_easy_maze, n_states, place

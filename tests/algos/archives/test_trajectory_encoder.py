@@ -129,34 +129,17 @@ class TestTraining:
         assert threads == {1}
         assert th.equal(before, th.get_rng_state())
 
-    def test_seeds_decide(self):
-        states = make_states()
-        latents = []
-        for seed in (0, 0, 1):
-            encoder = make_encoder(states=states, seed=seed, n_epochs=2)
-            untrained = encoder.encode(states)
-            encoder.train(states)
-            latents.append(np.stack([untrained, encoder.encode(states)]))
-        np.testing.assert_array_equal(latents[0], latents[1])
-        for one, other in zip(latents[0], latents[2], strict=True):
-            assert not np.array_equal(one, other)
 
-
-class TestEncoding:
-    def trained(self, states):
-        encoder = make_encoder(states=states)
-        encoder.train(states)
-        return encoder
-
-    def test_what_a_trajectory_is_in_any_company(self):
-        states = make_states(150)
-        encoder = self.trained(states)
-        together = encoder.encode(states)
-        np.testing.assert_array_equal(encoder.encode(states), together)
-        alone = np.concatenate([encoder.encode(states[i : i + 1]) for i in range(len(states))])
-        np.testing.assert_allclose(alone, together, atol=1e-5)
-        np.testing.assert_allclose(encoder.encode(states[::-1].copy()), together[::-1], atol=1e-5)
-        assert np.ptp(together, axis=0).min() > 0.1
+def test_what_a_trajectory_is_in_any_company():
+    states = make_states(150)
+    encoder = make_encoder(states=states)
+    encoder.train(states)
+    together = encoder.encode(states)
+    np.testing.assert_array_equal(encoder.encode(states), together)
+    alone = np.concatenate([encoder.encode(states[i : i + 1]) for i in range(len(states))])
+    np.testing.assert_allclose(alone, together, atol=1e-5)
+    np.testing.assert_allclose(encoder.encode(states[::-1].copy()), together[::-1], atol=1e-5)
+    assert np.ptp(together, axis=0).min() > 0.1
 
 
 class TestStates:

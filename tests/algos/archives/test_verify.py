@@ -85,16 +85,6 @@ class TestMaze:
     def env(self, make_maze):
         return make_maze()
 
-    def test_elites_reproduce(self, env):
-        archive = fill_maze(env)
-        result = archive.verify(env, n_threads=1)
-        assert len(archive) > 15
-        assert result.share == 1.0
-        assert result.failed.tolist() == []
-        np.testing.assert_array_equal(result.objective, archive.data("objective"))
-        np.testing.assert_array_equal(result.behaviors, archive.data("measures"))
-        assert np.ptp(result.behaviors, axis=0).min() > 0
-
     @pytest.mark.parametrize("n", [1, 64, 65, 120])
     def test_any_number_of_elites(self, env, n, monkeypatch):
         """Whether they fill what is played at once, or not."""

@@ -1,6 +1,4 @@
 import signal
-import subprocess
-import sys
 import threading
 
 import pytest
@@ -48,38 +46,3 @@ def test_other_threads_leave_signals_alone():
     thread.start()
     thread.join()
     assert reached == [signal.default_int_handler]
-
-
-HANG = """
-import sys, time
-import gymnasium as gym
-from curiosity_algos import CanonicalES
-
-class Hanging(gym.Env):
-    observation_space = gym.spaces.Box(-1, 1, (2,))
-    action_space = gym.spaces.Box(-1, 1, (1,))
-
-    def reset(self, *, seed=None, options=None):
-        return self.observation_space.sample(), {}
-
-    def step(self, action):
-        print("steps", flush=True)
-        while True:
-            time.sleep(0.01)
-
-CanonicalES(Hanging, device="cpu").learn(1000)
-"""
-
-
-def test_a_hanging_env_is_left_by_the_second_ctrl_c():
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen([sys.executable, "-W", "ignore", "-c", HANG], **pipes)
-    try:
-        assert process.stdout.readline() == "steps\n"
-        process.send_signal(signal.SIGINT)
-        assert process.stderr.readline().startswith("Ctrl-C: waiting for the end of the ")
-        process.send_signal(signal.SIGINT)
-        assert process.stderr.read().endswith("KeyboardInterrupt\n")
-        process.wait()
-    finally:
-        process.kill()

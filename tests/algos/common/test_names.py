@@ -46,11 +46,8 @@ def test_a_package_that_is_missing_is_named(monkeypatch):
         find_algorithm("tqc")
 
 
-def test_a_near_miss_is_suggested():
+def test_a_near_miss_is_suggested_and_others_are_told_what_there_is():
     with pytest.raises(ValueError, match="`algo` curiosity_e is unknown: did you mean CuriosityES"):
         find_algorithm("curiosity_e")
-
-
-def test_others_are_told_what_there_is():
     with pytest.raises(ValueError, match=r"`algo` must be one of AURORA, .*, got xyz\."):
         find_algorithm("xyz")

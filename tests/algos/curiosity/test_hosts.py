@@ -128,12 +128,6 @@ class TestEveryBonus:
         assert made.curiosity.n_trainings
         assert threads == {1}
 
-    def test_seeds_decide(self, host, bonus):
-        one, twin, other = (host.make(bonus=bonus, seed=seed) for seed in (0, 0, 1))
-        values = [[host.collect(each, seed) for seed in (0, 1)] for each in (one, twin, other)]
-        np.testing.assert_array_equal(values[0], values[1])
-        assert not np.array_equal(values[0], values[2])
-
 
 class TestTraining:
     def test_so_many_steps_on_batches_of_what_came(self, host):

@@ -8,7 +8,6 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
 from curiosity_algos import make_evaluator
-from curiosity_algos.evaluation.environments import GymnasiumView
 from curiosity_algos.evaluation.maze import MazeEvaluator
 from curiosity_algos.evaluation.vector import VectorEvaluator
 from curiosity_gym.maze.maze_env import MazeEnv
@@ -169,28 +168,3 @@ def test_statistics_that_stay_are_as_good_as_none():
 def test_errors_name_the_argument(env, given, message):
     with pytest.raises(ValueError, match=message):
         make_evaluator(env, **given)
-
-
-def test_different_mazes_in_one_vec_env_are_not_taken_for_one():
-    names = ("Hard", "Snake")
-    makers = [lambda n=name: gym.make(f"CuriosityMaze-{n}-v0", horizon=5) for name in names]
-    assert isinstance(make_evaluator(DummyVecEnv([makers[0]] * 2)), MazeEvaluator)
-    rollouts = make_evaluator(DummyVecEnv(makers)).evaluate(np.zeros((2, 1746)))
-    starts = [maker().reset()[0] for maker in makers]
-    np.testing.assert_array_equal(rollouts.observations[:, 0], starts)
-
-
-def test_the_single_env_of_a_vector_env_has_its_keywords():
-    envs = gym.make_vec(
-        "CuriosityMaze-Hard-v0",
-        num_envs=2,
-        vectorization_mode="vector_entry_point",
-        horizon=7,
-        max_episode_steps=6,
-        n_beams=5,
-    )
-    env = GymnasiumView(envs).envs[0]
-    assert (env.unwrapped.horizon, env.observation_space.shape) == (7, (9,))
-    env.reset()
-    ends = [env.step(np.zeros(2, dtype=np.float32))[3] for _ in range(6)]
-    assert ends == [False] * 5 + [True]

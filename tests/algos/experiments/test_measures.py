@@ -3,15 +3,11 @@
 import json
 import shutil
 
-import gymnasium as gym
 import numpy as np
 import pandas as pd
 import pytest
-from ribs.archives import GridArchive
 
 from curiosity_algos import CMAME, NSES, NSLC, MAPElites
-from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_algos.experiments import SaveRun, load_progress
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.measures import (
     best_return,
@@ -19,13 +15,10 @@ from curiosity_algos.experiments.measures import (
     first_of,
     in_seconds,
     load_compared,
-    n_elites,
-    qd_score,
     times_to_first,
     with_archives,
 )
 from curiosity_algos.experiments.run_folder import RunFolder
-from curiosity_gym import BehaviorWrapper
 
 
 @pytest.fixture(scope="module")
@@ -160,24 +153,6 @@ def test_a_run_that_has_just_begun_has_no_return_and_is_at_0(tmp_path):
     assert in_seconds(run, [0.0]).tolist() == [0.0]
 
 
-OFFSET = -20.0
-RANGES = [(-1.2, 0.6), (-0.07, 0.07)]
-GRID = {"dims": [5, 4], "ranges": RANGES}
-POLICY = {"policy_kwargs": {"net_arch": [4]}}
-
-
-@pytest.fixture(scope="module")
-def below_zero(tmp_path_factory):
-    """A run with returns below 0, in an archive with an offset: its folder, and its elites."""
-    folder = tmp_path_factory.mktemp("run")
-    env = gym.make("MountainCarContinuous-v0", max_episode_steps=50)
-    env = BehaviorWrapper(env, lambda env, obs, info: obs, gym.spaces.Box(-2.0, 2.0, (2,)))
-    archive = SparseGridArchive(solution_dim=17, qd_score_offset=OFFSET, **GRID)
-    model = MAPElites(env, seed=0, population_size=8, archive=archive, **POLICY)
-    model.learn(1000, SaveRun(folder))
-    return folder, model.archive.data()
-
-
 @pytest.fixture(scope="module")
 def archived(make_runs):
     """Of each algorithm two runs; of MAPElites also one on a coarser grid."""
@@ -187,17 +162,6 @@ def archived(make_runs):
         *(make_runs(NSLC, **small) + make_runs(NSES, **small)),
     ]
     return load_compared(folders)
-
-
-def test_the_score_is_that_of_pyribs(below_zero):
-    folder, elites = below_zero
-    peer = GridArchive(solution_dim=17, qd_score_offset=OFFSET, **GRID)
-    peer.add(elites["solution"], elites["objective"], elites["measures"])
-    timesteps, scores = qd_score(Run(folder))
-    assert peer.stats.obj_max < 0.0
-    assert scores[-1] == pytest.approx(peer.stats.qd_score)
-    assert n_elites(Run(folder))[1][-1] == peer.stats.num_elites
-    assert timesteps.tolist() == load_progress(folder)["time/total_timesteps"].tolist()
 
 
 def panels(archived):

@@ -79,20 +79,13 @@ class TestCombination:
 
 
 class TestAdaptive:
-    def test_patience_lowers_it_by_a_step(self):
-        assert adapted(*[False] * 7) == [0.8, 0.8, 0.6, 0.6, 0.6, 0.4, 0.4]
-
-    def test_a_better_return_raises_it_by_a_step(self):
-        assert adapted(*[False] * 6, True, True) == [0.8, 0.8, 0.6, 0.6, 0.6, 0.4, 0.6, 0.8]
-
-    def test_a_better_return_begins_the_waiting_anew(self):
-        assert adapted(False, False, True, False, False) == [0.8] * 5
-        assert adapted(False, False, True, False, False, False)[-1] == 0.6
-
-    def test_it_stays_within_its_bounds(self):
+    def test_patience_lowers_it_by_a_step_and_a_better_return_raises_it(self):
+        lowered = [0.8, 0.8, 0.6, 0.6, 0.6, 0.4]
+        assert adapted(*[False] * 7) == [*lowered, 0.4]
+        assert adapted(*[False] * 6, True, True) == [*lowered, 0.6, 0.8]
+        assert adapted(False, False, True, *[False] * 3) == [0.8] * 5 + [0.6]  # it waits anew
         assert adapted(True) == [0.8]
-        assert adapted(*[False] * 12)[-1] == 0.0
-        assert adapted(*[False] * 30)[-1] == 0.0
+        assert adapted(*[False] * 12)[-1] == adapted(*[False] * 30)[-1] == 0.0
         assert adapted(*[False] * 15, True)[-1] == 0.2
 
     @given(st.lists(st.booleans(), max_size=30), st.lists(st.booleans(), max_size=30))

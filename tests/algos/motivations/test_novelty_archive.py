@@ -129,21 +129,21 @@ def test_a_state_of_other_copies_is_refused(copies):
     assert len(archive) == 2
 
 
-@pytest.mark.parametrize("behaviors", [[0.0] * 4, [[0.0] * 3], [[[0.0] * 4]]])
-def test_other_shapes_are_refused(behaviors):
+SHAPE, FAR = r"have the shape \(n, 4\)", "be finite and below 1e"
+
+
+@pytest.mark.parametrize(
+    ("behaviors", "message"),
+    [
+        *((wrong, SHAPE) for wrong in ([0.0] * 4, [[0.0] * 3], [[[0.0] * 4]])),
+        *(([[0.0, 0.0, entry, 0.0]], FAR) for entry in (np.nan, np.inf, -1e150)),
+    ],
+)
+def test_other_behaviors_are_refused(behaviors, message):
     archive = make_archive(*random_batches(1))
     for call in (archive.add, lambda rows: archive.nearest(rows, 1)):
-        with pytest.raises(ValueError, match=r"`behaviors` must have the shape \(n, 4\)"):
+        with pytest.raises(ValueError, match=f"`behaviors` must {message}"):
             call(behaviors)
-    assert len(archive) == 20
-
-
-@pytest.mark.parametrize("entry", [np.nan, np.inf, -1e150])
-def test_numbers_without_a_distance_are_refused(entry):
-    archive = make_archive(*random_batches(1))
-    for call in (archive.add, lambda rows: archive.nearest(rows, 1)):
-        with pytest.raises(ValueError, match="`behaviors` must be finite and below 1e"):
-            call([[0.0, 0.0, entry, 0.0]])
     assert len(archive) == 20
 
 

@@ -68,20 +68,22 @@ def test_environments_are_closed_where_the_training_fails(short, demonstration, 
         assert len({*map(id, closed)}) >= 4
 
 
-def test_returns_and_successes_are_of_fresh_episodes_alone(short, demonstration):
-    infos = []
-    robustify(
-        [demonstration],
-        Walk,
-        total_timesteps=1,
-        seed=0,
-        device="cpu",
-        callback=lambda values, _: infos.extend(values["infos"]) or True,
-    )
-    ended = [info for info in infos if "is_fresh" in info]
-    assert 0 < sum(info["is_fresh"] for info in ended) < len(ended)
-    for info in ended:
+def test_returns_are_of_fresh_episodes_alone_and_the_learner_sees_them_scaled(short, demonstration):
+    seen = []
+
+    def see(values, _):
+        seen.extend(zip(values["rewards"], values["infos"], strict=True))
+        return True
+
+    robustify([demonstration], Walk, total_timesteps=2e4, seed=0, device="cpu", callback=see)
+    ended = [(reward, info) for reward, info in seen if "is_fresh" in info]
+    for _, info in ended:
         assert info["is_fresh"] == ("episode" in info) == ("is_success" in info)
+    fresh = [(reward, info["episode"]["r"]) for reward, info in ended if info["is_fresh"]]
+    assert 0 < len(fresh) < len(ended)
+    last, returns = np.array(fresh).T
+    assert returns.max() > 0.0
+    np.testing.assert_allclose(last, module.RETURN / demonstration.total * returns, rtol=1e-4)
 
 
 @pytest.mark.parametrize(("total", "scale"), [(0.5, 12.0), (-60.0, 0.1), (1e-9, 100.0), (0.0, 1.0)])
@@ -95,34 +97,14 @@ def test_the_discount_sees_a_third_beyond_a_demonstration(demonstration, steps, 
     assert 1.0 / (1.0 - module._gamma([long])) == pytest.approx(horizon)
 
 
-def test_the_learner_alone_sees_scaled_rewards(short, demonstration):
-    pairs = []
-
-    def see(values, _):
-        for reward, info in zip(values["rewards"], values["infos"], strict=True):
-            if "episode" in info:
-                pairs.append((reward, info["episode"]["r"]))
-        return True
-
-    robustify([demonstration], Walk, total_timesteps=2e4, seed=0, device="cpu", callback=see)
-    last, returns = np.array(pairs).T
-    assert returns.max() > 0.0
-    np.testing.assert_allclose(last, module.RETURN / demonstration.total * returns, rtol=1e-4)
-
-
-def test_steps_and_draws_shrink_together(short, demonstration):
+def test_steps_and_draws_shrink_together_and_draws_are_free_before(short, demonstration):
     training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
     training.starts.good_steps = watch.SHRINKING
     training.learn(1)
-    training.env.close()
     assert training.model.lr_schedule(1.0) == pytest.approx(watch.SETTINGS["learning_rate"] / np.e)
     assert 0.05 < training.model.clip_range(1.0) < 0.2
-    assert training.model.policy.log_std.item() == pytest.approx(watch.LOG_STD - 1.0, abs=0.05)
-
-
-def test_draws_are_free_before_steps_shrink_and_never_vanish(short, demonstration):
-    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
     log_std = training.model.policy.log_std
+    assert log_std.item() == pytest.approx(watch.LOG_STD - 1.0, abs=0.05)
     for good_steps, wide, expected in [(0, 0.5, 0.5), (10**9, 0.5, watch.SMALLEST_LOG_STD)]:
         training.starts.good_steps = good_steps
         log_std.data.fill_(wide)

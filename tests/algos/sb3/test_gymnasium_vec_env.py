@@ -8,7 +8,7 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from packaging.version import Version
-from stable_baselines3 import DQN, PPO
+from stable_baselines3 import PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from tracked import Tracked
@@ -174,13 +174,6 @@ class TestAttributes:
 
 
 class TestAlgorithms:
-    def test_of_stable_baselines_learn(self):
-        venv = VecMonitor(GymnasiumVecEnv(make_native(AutoresetMode.SAME_STEP, horizon=7)))
-        model = PPO("MlpPolicy", venv, n_steps=8, batch_size=8, device="cpu").learn(48)
-        assert {info["l"] for info in model.ep_info_buffer} == {7}
-        venv = GymnasiumVecEnv(make_sync(AutoresetMode.SAME_STEP))
-        DQN("MlpPolicy", venv, learning_starts=8, device="cpu").learn(30)
-
     @pytest.mark.skipif(
         Version(gym.__version__) < Version("1.4"),
         reason="Gymnasium before 1.4 counts a step less of each episode but the first",

@@ -479,16 +479,6 @@ def weights(model):
     return th.cat([each.flatten() for each in model.policy.parameters()])
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-def test_any_algorithm_learns_with_it(name):
-    model = make_model(name).learn(100)
-    assert model.replay_buffer.metrics["rnd/loss"] > 0.0
-    again = make_model(name).learn(100)
-    assert th.equal(weights(model), weights(again))  # the model's seed is that of the bonus
-    without = make_model(name, weight=1e-9).learn(100)
-    assert not th.equal(weights(model), weights(without))
-
-
 @pytest.mark.parametrize("name", ["numbers", "task"])
 def test_a_loaded_model_goes_on_bit_for_bit(name, tmp_path):
     """With its environments and generators as they stood, which SB3's files leave out."""

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from gymnasium import spaces
+from padded_rollouts import rollouts_of
 
 from curiosity_algos.evaluation.open_loop import OpenLoopPolicy
-from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.search.explorers import EXPLORERS, Explorers, LinearPolicies, held_outputs
 
 BOX = spaces.Box(-np.inf, np.inf, (3,))
@@ -18,18 +18,8 @@ def make(names=EXPLORERS, action_space=None, seed=0):
 
 
 def rollouts(n):
-    rng = np.random.default_rng(0)
-    zeros = np.zeros(n)
-    return Rollouts(
-        returns=zeros,
-        lengths=np.full(n, 20),
-        success=zeros > 0,
-        terminated=zeros > 0,
-        behaviors=np.zeros((n, 0)),
-        final_observations=np.zeros((n, 3), np.float32),
-        observations=rng.normal(5.0, 2.0, (n, 21, 3)).astype(np.float32),
-        actions=np.zeros((n, 20, 2), np.float32),
-    )
+    observations = np.random.default_rng(0).normal(5.0, 2.0, (n, 21, 3)).astype(np.float32)
+    return rollouts_of(observations, np.full(n, 20))
 
 
 def test_held_actions_change_in_a_tenth_of_the_steps():

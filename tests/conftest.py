@@ -49,7 +49,6 @@ SLOW = [
     "algos/common/test_interrupt.py",
     "algos/common/test_presets.py",
     "algos/evaluation/test_environments.py",
-    "algos/evaluation/test_processes.py",
     "algos/evaluation/test_ray.py",
     "algos/evaluation/test_simulation.py",
     "algos/evaluation/test_sparse_envs.py",

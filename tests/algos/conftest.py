@@ -71,11 +71,6 @@ def make_classic(algorithm, env_id, **kwargs):
     return env
 
 
-def make_pendulum(unit):
-    """Gymnasium's pendulum, whose actions are told in another unit: a power of 2 rounds nothing."""
-    return gym.wrappers.RescaleAction(gym.make("Pendulum-v1"), np.float32(-unit), np.float32(unit))
-
-
 def make_maze(**kwargs):
     """A built-in maze with short episodes, whose goal is out of reach."""
     return gym.make("CuriosityMaze-Hard-v0", **({"horizon": 50} | kwargs))
@@ -150,7 +145,6 @@ def as_fixture(value):
 
 algorithms = pytest.fixture(lambda: list(SETTINGS))
 make_model_fixture = as_fixture(make_model)
-make_pendulum_fixture = as_fixture(make_pendulum)
 make_maze_fixture = as_fixture(make_maze)
 make_easy_maze_fixture = as_fixture(make_easy_maze)
 assert_same_fixture = as_fixture(assert_same)

@@ -7,16 +7,11 @@ from curiosity_algos import AURORA
 
 def test_trainings_come_at_doubling_intervals_and_anew_in_another_env(make_model, make_maze):
     model, trained = make_model(AURORA, make_maze(), training_interval=3), []
-
-    def watch():
-        train = model._encoder.train
-        model._encoder.train = lambda states: trained.append(model.generation) or train(states)
-
-    watch()
+    train = model._encoder.train
+    model._encoder.train = lambda states: trained.append(model.generation) or train(states)
     model.learn(15 * 6 * 50)
     assert trained == [0, 3, 6, 12]
     model.set_env(make_maze(layout="snake"))
-    watch()
     model.learn(4 * 6 * 50, reset_num_timesteps=False)
     assert trained[4:] == [15, 18]
 
@@ -58,10 +53,3 @@ def test_it_begins_with_an_empty_archive(make_model, make_easy_maze):
     assert len(held) == n_elites > 0
     held.clear()
     assert len(make_model(AURORA, make_easy_maze(), archive=held).learn(2000).archive) > 0
-
-
-def test_it_needs_no_behaviors(make_model):
-    model = make_model(AURORA, "CartPole-v1").learn(1000)
-    assert model.archive.data("behavior").shape == (len(model.archive), 0)
-    assert model.archive.data("measures").shape == (len(model.archive), 10)
-    assert model.archive.stats.obj_max == model.best_return

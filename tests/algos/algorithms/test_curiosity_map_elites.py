@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -43,16 +41,6 @@ def test_what_is_kept_are_steps_of_each_episode(is_discrete, make_model, make_ea
         np.testing.assert_array_equal(fields["actions"][i], rollouts.actions[i][times])
 
 
-def test_the_module_learns_from_every_generation(make_model, make_easy_maze):
-    model = make_model(CuriosityMAPElites, make_easy_maze())
-    weights = []
-    for _ in range(3):
-        model.learn(1, reset_num_timesteps=False)
-        weights.append(model._motivation.bonus.encoder[0].weight.detach().clone())
-    assert not any(np.array_equal(a, b) for a, b in pairwise(weights))
-    assert model._motivation.buffer.size == 3 * 6 * 5
-
-
 @pytest.mark.parametrize(("env_id", "shape"), [("CartPole-v1", (4,)), ("Pendulum-v1", (4, 1))])
 @pytest.mark.parametrize("algorithm", [CuriosityMAPElites])
 def test_discrete_and_continuous_actions(
@@ -70,10 +58,11 @@ def test_discrete_and_continuous_actions(
     assert model.archive.verify(make_classic(env_id)).share == 1.0
 
 
-def test_parents_do_not_depend_on_the_unit_of_actions(make_model, make_pendulum):
+def test_parents_do_not_depend_on_the_unit_of_actions(make_model):
     space = gym.spaces.Box(-2.0, 2.0, (2,))
     asked = []
-    for unit in (1, 2**10):
-        env = BehaviorWrapper(make_pendulum(unit), lambda env, seen, info: seen[:2], space)
+    for unit in map(np.float32, (1, 2**10)):  # a power of 2 rounds nothing
+        env = gym.wrappers.RescaleAction(gym.make("Pendulum-v1"), -unit, unit)
+        env = BehaviorWrapper(env, lambda env, seen, info: seen[:2], space)
         asked.append(make_model(CuriosityMAPElites, env).learn(4000)._ask())
     np.testing.assert_array_equal(*asked)

@@ -71,7 +71,11 @@ class Walk(gym.Env):
 
 
 @pytest.mark.parametrize(
-    "name", [*ENVS, *(pytest.param(name, marks=pytest.mark.extra("control", "locomotion")) for name in ROBOTS)]
+    "name",
+    [
+        *ENVS,
+        *(pytest.param(name, marks=pytest.mark.extra("control", "locomotion")) for name in ROBOTS),
+    ],
 )
 def test_a_search_is_the_same_by_threads_and_after_a_file(name, tmp_path):
     n, timesteps = (4, 800) if name in ENVS else (2, 300)

@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from saved_files import through_a_file
 
 from curiosity_algos.archives.sparse_grid import SparseGridArchive
-from curiosity_algos.archives.verify import behaviors_of
 
 EXTRA = {"seed": ((), np.int64), "behavior": ((3,), np.float32), "solved": ((), np.bool_)}
 
@@ -139,13 +138,6 @@ class TestData:
         assert archive.dtypes["solution"] == np.float32
         assert archive.dtypes["seed"] == archive.dtypes["index"] == np.int64
 
-    def test_behaviors_are_the_measures_unless_kept(self):
-        archive = make_full()
-        np.testing.assert_array_equal(behaviors_of(archive), archive.data("behavior"))
-        plain = make_archive()
-        plain.add(np.ones((1, 4)), [0.0], [[0.5, 0.6]])
-        assert behaviors_of(plain).tolist() == [[0.5, 0.6]]
-
 
 class TestNearest:
     @settings(deadline=None)
@@ -237,10 +229,3 @@ class TestStates:
         spoil(state)
         with pytest.raises(ValueError, match=match):
             make_full().load_state_dict(state)
-
-    def test_they_do_not_follow_the_archive(self, assert_same):
-        archive = make_full()
-        state, twin = archive.state_dict(), make_full().state_dict()
-        archive.add(**make_batch(30, 1))
-        archive.sample_elites(3)
-        assert_same(state, twin)

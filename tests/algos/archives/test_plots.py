@@ -189,17 +189,16 @@ def test_an_empty_archive_is_an_empty_map(by, layout):
     assert len(ax.figure.axes) == 1
 
 
-@pytest.mark.parametrize("dimensions", [(0, 0), (0, 3), (-1, 0), (0,), (0, 1, 2), (0, 1.5)])
-def test_bad_dimensions_are_named(dimensions):
-    message = r"^`dimensions` must be two different whole numbers from 0 to 2, got"
-    with pytest.raises(ValueError, match=message):
-        plot_archive(random_archive(), dimensions=dimensions)
-    assert not plt.get_fignums()
-
-
-@pytest.mark.parametrize("wrong", [{"by": "novelty"}, {"n_cells": 0}])
-def test_other_bad_arguments_are_named(wrong):
-    (name,) = wrong
-    with pytest.raises(ValueError, match=rf"^`{name}` must be"):
-        plot_archive(random_archive(), **wrong)
-    assert not plt.get_fignums()
+@pytest.mark.parametrize(
+    ("name", "wrong", "message"),
+    [
+        ("dimensions", [(0, 0), (0, 3), (-1, 0), (0,), (0, 1, 2), (0, 1.5)], "two .* 0 to 2, got"),
+        ("by", ["novelty"], ""),
+        ("n_cells", [0], ""),
+    ],
+)
+def test_bad_arguments_are_named(name, wrong, message):
+    for value in wrong:
+        with pytest.raises(ValueError, match=f"^`{name}` must be {message}"):
+            plot_archive(random_archive(), **{name: value})
+        assert not plt.get_fignums()

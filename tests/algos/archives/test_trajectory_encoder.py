@@ -67,10 +67,6 @@ class TestEvenStates:
             exact = [length * k / (n - 1) for k in range(n)]
             assert np.abs(times - exact).max() <= 0.5 + 1e-6
 
-    def test_by_hand(self):
-        states = sample_states(make_rollouts([8, 1, 4]), 5)
-        assert states[:, :, 1].tolist() == [[0, 2, 4, 6, 8], [0, 0, 0, 1, 1], [0, 1, 2, 3, 4]]
-
     @pytest.mark.parametrize(
         ("lengths", "share", "n_states"),
         [([10, 4], 0.4, 4), ([10, 11], 0.4, 5), ([7], 1.0, 7), ([1], 0.1, 2)],

@@ -150,19 +150,18 @@ def compete_by_definition(batch, elites, k):
         yield mean, sum(everybody[j]["objective"] < one["objective"] for _, j in nearest)
 
 
-class TestCompete:
-    @pytest.mark.filterwarnings("error")
-    @settings(deadline=None)
-    @given(streams(), st.integers(1, 40), st.integers(1, 15))
-    def test_it_is_brute_force(self, batches, k, target_size):
-        archive, plain = make_archive(target_size=target_size, k_neighbors=k), Plain(target_size)
-        for batch in batches:
-            info = archive.add(**as_arrays(batch))
-            expected = list(compete_by_definition(batch, plain.elites, k))
-            assert info["novelty"].shape == info["local_competition"].shape == (len(batch),)
-            np.testing.assert_allclose(info["novelty"], [each for each, _ in expected], rtol=1e-12)
-            assert info["local_competition"].tolist() == [each for _, each in expected]
-            plain.add(batch)
+@pytest.mark.filterwarnings("error")
+@settings(deadline=None)
+@given(streams(), st.integers(1, 40), st.integers(1, 15))
+def test_novelty_and_local_competition_are_brute_forces(batches, k, target_size):
+    archive, plain = make_archive(target_size=target_size, k_neighbors=k), Plain(target_size)
+    for batch in batches:
+        info = archive.add(**as_arrays(batch))
+        expected = list(compete_by_definition(batch, plain.elites, k))
+        assert info["novelty"].shape == info["local_competition"].shape == (len(batch),)
+        np.testing.assert_allclose(info["novelty"], [each for each, _ in expected], rtol=1e-12)
+        assert info["local_competition"].tolist() == [each for _, each in expected]
+        plain.add(batch)
 
 
 class TestInsertion:
@@ -222,25 +221,24 @@ class TestThinning:
         assert_same(archive.data(), twin.data())
 
 
-class TestRemeasure:
-    @settings(max_examples=settings.default.max_examples // 2)
-    @given(st.integers(1, 6), st.integers(1, 30), st.integers(0, 99))
-    def test_the_size_stays_in_bounds(self, n_batches, target_size, number):
-        archive = make_full(n_batches=n_batches, target_size=target_size)
-        n, before = len(archive), archive.data()
-        places = np.random.default_rng(number).normal(size=(n, 2))
-        archive.set_measures(places)
-        assert min(n, target_size) <= len(archive) <= 1.1 * target_size
-        assert_fields_belong_together(archive)
-        assert_stats_fit(archive)
-        assert archive.stats.obj_max == before["objective"].max()
-        # Those that are left have their own new measures.
-        rows = [before["seed"].tolist().index(seed) for seed in archive.data("seed")]
-        np.testing.assert_array_equal(archive.data("measures"), places[rows])
-        if 1 < len(archive) >= target_size:
-            assert archive.threshold == pytest.approx(min(gaps_of(archive)), rel=1e-12)
-        else:
-            assert archive.threshold == 0.0
+@settings(max_examples=settings.default.max_examples // 2)
+@given(st.integers(1, 6), st.integers(1, 30), st.integers(0, 99))
+def test_the_size_stays_in_bounds_as_elites_are_measured_anew(n_batches, target_size, number):
+    archive = make_full(n_batches=n_batches, target_size=target_size)
+    n, before = len(archive), archive.data()
+    places = np.random.default_rng(number).normal(size=(n, 2))
+    archive.set_measures(places)
+    assert min(n, target_size) <= len(archive) <= 1.1 * target_size
+    assert_fields_belong_together(archive)
+    assert_stats_fit(archive)
+    assert archive.stats.obj_max == before["objective"].max()
+    # Those that are left have their own new measures.
+    rows = [before["seed"].tolist().index(seed) for seed in archive.data("seed")]
+    np.testing.assert_array_equal(archive.data("measures"), places[rows])
+    if 1 < len(archive) >= target_size:
+        assert archive.threshold == pytest.approx(min(gaps_of(archive)), rel=1e-12)
+    else:
+        assert archive.threshold == 0.0
 
 
 class TestStates:

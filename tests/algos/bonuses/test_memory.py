@@ -28,22 +28,21 @@ def column(*values):
     return np.array(values, dtype=np.float32)[:, None]
 
 
-class TestSample:
-    @pytest.mark.parametrize("chunk", [1, 50])
-    def test_each_observation_stays_with_the_same_chance(self, chunk):
-        counts = np.zeros(200)
-        for seed in range(600):
-            memory = make_memory(10, seed)
-            for begin in range(0, 200, chunk):
-                memory.add(column(*range(begin, min(begin + chunk, 200))))
-            kept = memory.observations.ravel().astype(int)
-            assert len(set(kept)) == 10
-            counts[kept] += 1
-        # 600 trials of .05 each: 30, with a standard deviation of 5.3.
-        assert abs(counts[:100].mean() - 30.0) < 1.5
-        assert abs(counts[100:].mean() - 30.0) < 1.5
-        assert counts.max() < 60
-        assert counts.min() > 8
+@pytest.mark.parametrize("chunk", [1, 50])
+def test_each_observation_stays_with_the_same_chance(chunk):
+    counts = np.zeros(200)
+    for seed in range(600):
+        memory = make_memory(10, seed)
+        for begin in range(0, 200, chunk):
+            memory.add(column(*range(begin, min(begin + chunk, 200))))
+        kept = memory.observations.ravel().astype(int)
+        assert len(set(kept)) == 10
+        counts[kept] += 1
+    # 600 trials of .05 each: 30, with a standard deviation of 5.3.
+    assert abs(counts[:100].mean() - 30.0) < 1.5
+    assert abs(counts[100:].mean() - 30.0) < 1.5
+    assert counts.max() < 60
+    assert counts.min() > 8
 
 
 class TestFeatures:

@@ -37,3 +37,9 @@ def test_the_predictor_learns_and_the_target_stays():
         assert th.equal(weights, target[name])
     for name, weights in rnd.predictor.state_dict().items():
         assert not th.equal(weights, predictor[name])
+
+
+def test_a_bonus_must_have_something_to_train():
+    rnd = make_rnd().requires_grad_(False)
+    with pytest.raises(ValueError, match="RND must have a parameter that is trained"):
+        rnd._begin()

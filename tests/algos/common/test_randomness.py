@@ -28,17 +28,17 @@ def test_a_generator_goes_on_from_its_saved_state(seed, n_drawn):
     np.testing.assert_array_equal(other.integers(2**31, size=3, dtype=np.int32), expected[1])
 
 
-class TestGlobalGenerators:
-    def draw(self):
-        return th.rand(2).tolist(), np.random.rand(2).tolist()  # noqa: NPY002
+def draw():
+    return th.rand(2).tolist(), np.random.standard_normal(), np.random.rand()  # noqa: NPY002
 
-    @pytest.mark.parametrize("n_drawn", [0, 1, 700])
-    def test_a_state_goes_through_a_file(self, n_drawn):
-        np.random.standard_normal(n_drawn)  # noqa: NPY002  odd numbers leave one behind
-        state = through_a_file(global_state(th.device("cpu")))
-        expected = np.random.standard_normal(), self.draw()  # noqa: NPY002
-        load_global_state(state, th.device("cpu"))
-        assert (np.random.standard_normal(), self.draw()) == expected  # noqa: NPY002
+
+@pytest.mark.parametrize("n_drawn", [0, 1, 700])
+def test_a_state_of_the_global_generators_goes_through_a_file(n_drawn):
+    np.random.standard_normal(n_drawn)  # noqa: NPY002  odd numbers leave one behind
+    state = through_a_file(global_state(th.device("cpu")))
+    expected = draw()
+    load_global_state(state, th.device("cpu"))
+    assert draw() == expected
 
 
 class Part:

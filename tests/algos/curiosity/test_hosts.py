@@ -166,15 +166,14 @@ class TestTraining:
             host.collect(host.make(bonus=Scored(np.nan)), 0, scale)
 
 
-class TestState:
-    def test_one_of_another_bonus_changes_nothing(self, host, assert_same):
-        made, other = host.make(bonus="rnd"), host.make(bonus="rnd", bonus_kwargs={"hidden": 8})
-        host.collect(made, 0)
-        host.collect(other, 1)
-        before = copy.deepcopy(made.state_dict())
-        with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
-            made.curiosity.load_state_dict(other.state_dict()["curiosity"])
-        assert_same(made.state_dict(), before)
+def test_a_state_of_another_bonus_changes_nothing(host, assert_same):
+    made, other = host.make(bonus="rnd"), host.make(bonus="rnd", bonus_kwargs={"hidden": 8})
+    host.collect(made, 0)
+    host.collect(other, 1)
+    before = copy.deepcopy(made.state_dict())
+    with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
+        made.curiosity.load_state_dict(other.state_dict()["curiosity"])
+    assert_same(made.state_dict(), before)
 
 
 class TestSettings:

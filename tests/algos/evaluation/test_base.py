@@ -6,13 +6,7 @@ import pytest
 
 from curiosity_algos import AURORA, CuriosityES, make_evaluator
 from curiosity_algos.evaluation.base import Evaluator
-from curiosity_gym import MazeLayout
-
-LAYOUT = MazeLayout("corridor", 40, 6, (8, 3), (16, 3), [])
-
-
-def make_maze():
-    return gym.make("CuriosityMaze-v0", layout=LAYOUT, horizon=12)
+from tests.algos.conftest import make_easy_maze
 
 
 def make_population(evaluator, n):
@@ -24,7 +18,7 @@ class Counting(Evaluator):
     """An evaluator that remembers how many policies it was given at once."""
 
     def __init__(self, block_size=None):
-        self._evaluator = make_evaluator(make_maze())
+        self._evaluator = make_evaluator(make_easy_maze(horizon=12))
         self.n_parameters = self._evaluator.n_parameters
         self.sizes = []
         if block_size is not None:
@@ -50,7 +44,7 @@ def test_more_than_a_block_are_cut(n, sizes, assert_same_rollouts):
     lengths, places = rollouts.summary("lengths", lengths_of)
     np.testing.assert_array_equal(lengths, rollouts.lengths)
     np.testing.assert_array_equal(places, np.arange(n))
-    whole = make_evaluator(make_maze()).evaluate(make_population(evaluator, n), 0)
+    whole = Counting().evaluate(make_population(evaluator, n), 0)
     assert_same_rollouts(rollouts, whole)
 
 

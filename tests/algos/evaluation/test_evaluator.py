@@ -108,7 +108,7 @@ def test_mazes_within_a_time_limit_run_compiled(kind, make_easy_maze, play, asse
     oracle = wrappers.TimeLimit(make_easy_maze(), limit)
     assert_equal_episodes(rollouts, play(oracle, evaluator.mlp, parameters, 0))
     assert rollouts.lengths.max() == rollouts.actions.shape[1] == limit
-    assert rollouts.success.any()
+    assert 0 < rollouts.success.sum() < 40
 
 
 WRAPPED = [

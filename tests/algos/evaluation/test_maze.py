@@ -25,15 +25,6 @@ def test_equals_a_loop_over_the_env(name, net_arch, play, assert_equal_episodes)
     assert len(np.unique(rollouts.behaviors, axis=0)) > 2
 
 
-def test_equals_the_loop_where_goals_are_found(make_easy_maze, play, assert_equal_episodes):
-    env = make_easy_maze()
-    evaluator, parameters = make(env, 40, net_arch=())
-    rollouts = evaluator.evaluate(parameters)
-    assert_equal_episodes(rollouts, play(env, evaluator.mlp, parameters))
-    assert 0 < rollouts.success.sum() < 40
-    np.testing.assert_array_equal(rollouts.returns > 0, rollouts.success)
-
-
 def test_a_horizon_that_was_changed_is_that_of_the_reward(
     make_easy_maze, play, assert_equal_episodes
 ):

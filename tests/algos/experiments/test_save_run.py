@@ -155,22 +155,21 @@ def test_an_env_may_have_no_id(make_model, folder):
     assert json.loads((folder / "run.json").read_text())["env"] is None
 
 
-class TestFolder:
-    def test_another_run_is_refused(self, make_model, make_easy_maze, folder):
-        make_model(CuriosityES, make_easy_maze()).learn(600, SaveRun(folder))
-        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-        found = load_runs(folder).iloc[0]
-        steps = f"num_timesteps is {found['timesteps']}, not 0"
-        for algorithm, changes, what in [
-            (CanonicalES, {}, 'algorithm is "CuriosityES", not "CanonicalES"'),
-            (CuriosityES, {}, steps),
-            (CuriosityES, {"sigma": 9.0}, f"sigma is {found['settings.sigma']}, not 9.0"),
-        ]:
-            other = make_model(algorithm, make_easy_maze(), **changes)
-            message = f"`folder` must be empty or that of this run: in {folder} "
-            with pytest.raises(ValueError, match=rf"^{re.escape(message)}.*{re.escape(what)}\.$"):
-                other.learn(600, SaveRun(folder))
-        assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+def test_another_run_is_refused(make_model, make_easy_maze, folder):
+    make_model(CuriosityES, make_easy_maze()).learn(600, SaveRun(folder))
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    found = load_runs(folder).iloc[0]
+    steps = f"num_timesteps is {found['timesteps']}, not 0"
+    for algorithm, changes, what in [
+        (CanonicalES, {}, 'algorithm is "CuriosityES", not "CanonicalES"'),
+        (CuriosityES, {}, steps),
+        (CuriosityES, {"sigma": 9.0}, f"sigma is {found['settings.sigma']}, not 9.0"),
+    ]:
+        other = make_model(algorithm, make_easy_maze(), **changes)
+        message = f"`folder` must be empty or that of this run: in {folder} "
+        with pytest.raises(ValueError, match=rf"^{re.escape(message)}.*{re.escape(what)}\.$"):
+            other.learn(600, SaveRun(folder))
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
 
 def test_a_monitor_must_see_the_episodes(folder):
@@ -293,21 +292,6 @@ class TestStableBaselines:
         assert progress["coverage/all"].iloc[-1] == seen.coverage.all
         assert progress["intrinsic/mean"].notna().any()
 
-    @pytest.mark.parametrize(
-        ("other", "what"),
-        [
-            (lambda: make_ppo(make_mazes(bonus="icm")), 'algorithm is "PPO", not "PPO + ICM"'),
-            (lambda: make_ppo(VecNormalize(make_mazes())), "wrappers.VecNormalize is null, not"),
-            (lambda: make_ppo(make_mazes(), clip_range=0.1), "settings.clip_range is 0.2, not 0.1"),
-        ],
-    )
-    def test_another_run_is_refused(self, folder, other, what):
-        make_ppo(make_mazes()).learn(120, SaveRun(folder))
-        model = other()
-        model.num_timesteps = 120
-        with pytest.raises(ValueError, match=f"^`folder` must be empty or .*{re.escape(what)}"):
-            model.learn(120, SaveRun(folder), reset_num_timesteps=False)
-
     def test_those_that_step_no_vec_env_are_refused(self, folder):
         with pytest.raises(ValueError, match="step a VecEnv, got ARS"):
             ARS("MlpPolicy", "Pendulum-v1").learn(1, SaveRun(folder))
@@ -370,27 +354,26 @@ def test_the_last_row_is_there_whatever_was_logged(make_model, make_easy_maze, f
     assert row["coverage/reachable"] == model.coverage
 
 
-class TestLock:
-    @pytest.mark.parametrize("is_used_again", [False, True])
-    def test_after_an_error_the_folder_is_locked_again(
-        self, make_model, make_easy_maze, folder, is_used_again
-    ):
-        kept = SaveRun(folder)  # as a notebook keeps what has failed
-        with pytest.raises(KilledError):
-            make_model(MAPElites, make_easy_maze()).learn(600, [kept, Kill(1)])
-        save = kept if is_used_again else SaveRun(folder)
-        locked = []
+@pytest.mark.parametrize("is_used_again", [False, True])
+def test_after_an_error_the_folder_is_locked_again(
+    make_model, make_easy_maze, folder, is_used_again
+):
+    kept = SaveRun(folder)  # as a notebook keeps what has failed
+    with pytest.raises(KilledError):
+        make_model(MAPElites, make_easy_maze()).learn(600, [kept, Kill(1)])
+    save = kept if is_used_again else SaveRun(folder)
+    locked = []
 
-        class Look(BaseCallback):
-            def _on_step(self):
-                gc.collect()  # what an earlier training has left open is closed
-                locked.append(is_locked_for_another(folder))
-                return True
+    class Look(BaseCallback):
+        def _on_step(self):
+            gc.collect()  # what an earlier training has left open is closed
+            locked.append(is_locked_for_another(folder))
+            return True
 
-        make_model(MAPElites, make_easy_maze()).learn(600, [save, Look()])
-        assert locked
-        assert all(locked)
-        assert not is_locked_for_another(folder)
+    make_model(MAPElites, make_easy_maze()).learn(600, [save, Look()])
+    assert locked
+    assert all(locked)
+    assert not is_locked_for_another(folder)
 
 
 def is_locked_for_another(folder):

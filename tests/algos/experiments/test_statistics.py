@@ -23,20 +23,19 @@ def mean(tasks):
     return np.mean([runs.mean(axis=-1) for runs in tasks], axis=0)
 
 
-class TestInterquartileMean:
-    def test_by_hand(self):
-        for scores, expected in [
-            ([1, 2, 3, 4, 5, 6, 7, 8], 4.5),  # of 8, 2 go at either end: (3 + 4 + 5 + 6) / 4
-            ([100, 0, 1, 3, 2], 2.0),  # of 5, 1.25 rounded down: (1 + 2 + 3) / 3
-            ([7, 1], 4.0),  # of 2, none
-            ([7], 7.0),
-            # A matrix has a row for each run, a list an entry for each task; all are put together:
-            # of 1, 2, 3, 4, 10, 20, 30, 40 there stay (3 + 4 + 10 + 20) / 4
-            (np.array([[1, 10], [2, 20], [3, 30], [4, 40]]), 9.25),
-            ([[1, 2, 3, 4], [10, 20, 30, 40]], 9.25),
-            ([[1, 2], (6, 5, 4, 3)], 3.5),  # of 6, 1 goes: (2 + 3 + 4 + 5) / 4
-        ]:
-            assert interquartile_mean(scores) == expected
+def test_the_interquartile_mean_by_hand():
+    for scores, expected in [
+        ([1, 2, 3, 4, 5, 6, 7, 8], 4.5),  # of 8, 2 go at either end: (3 + 4 + 5 + 6) / 4
+        ([100, 0, 1, 3, 2], 2.0),  # of 5, 1.25 rounded down: (1 + 2 + 3) / 3
+        ([7, 1], 4.0),  # of 2, none
+        ([7], 7.0),
+        # A matrix has a row for each run, a list an entry for each task; all are put together:
+        # of 1, 2, 3, 4, 10, 20, 30, 40 there stay (3 + 4 + 10 + 20) / 4
+        (np.array([[1, 10], [2, 20], [3, 30], [4, 40]]), 9.25),
+        ([[1, 2, 3, 4], [10, 20, 30, 40]], 9.25),
+        ([[1, 2], (6, 5, 4, 3)], 3.5),  # of 6, 1 goes: (2 + 3 + 4 + 5) / 4
+    ]:
+        assert interquartile_mean(scores) == expected
 
 
 class TestStratifiedBootstrap:

@@ -58,15 +58,9 @@ def test_what_was_found_first_is_always_said(tmp_path):
 
 def test_another_run_is_refused(tmp_path):
     train(small(), tmp_path)
-    sigma = "settings.sigma is 0.3, not 1.0"
-    for other, what in [
-        (small(seed=1), "seed is 0, not 1"),
-        (small(sigma=1.0), sigma),
-        (small("cma_me"), 'algorithm is "MAPElites", not "CMAME"'),
-    ]:
-        message = f"`folder` must be empty or that of this run: in {tmp_path} {what}."
-        with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-            train(other, tmp_path)
+    message = f"`folder` must be empty or that of this run: in {tmp_path} seed is 0, not 1."
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        train(small(seed=1), tmp_path)
 
 
 @pytest.mark.parametrize(("n_times", "kept"), [(1, 3), (2, None)])

@@ -36,14 +36,3 @@ def test_predict_acts_as_what_was_evaluated(make_model, make_easy_maze):
     assert model.best_return > 0.0
     evaluated = model.evaluator.evaluate(model.policy.vector[None])
     assert evaluated.returns[0] == pytest.approx(model.best_return, abs=1e-6)
-
-
-def test_load_cannot_change_it(model, make_easy_maze, tmp_path):
-    model.save(tmp_path / "model")
-    with pytest.raises(ValueError, match="normalize_observations"):
-        type(model).load(tmp_path / "model", env=make_easy_maze(), normalize_observations=False)
-
-
-def test_what_is_no_bool_is_refused(make_model, make_easy_maze):
-    with pytest.raises(ValueError, match="`normalize_observations` must be True or False"):
-        make_model(CanonicalES, make_easy_maze(), normalize_observations="yes")

@@ -33,25 +33,22 @@ def saved(make_model, make_easy_maze, path):
     return model
 
 
-class TestEvaluator:
-    def test_an_env_that_could_not_be_set_changes_none(
-        self, make_model, make_easy_maze, path, monkeypatch
-    ):
-        own = make_model(CanonicalES, make_easy_maze()).evaluator
-        model = make_model(CanonicalES, make_easy_maze(), evaluator=own)
-        env = model.env
+def test_an_env_that_could_not_be_set_changes_none(make_model, make_easy_maze, path, monkeypatch):
+    own = make_model(CanonicalES, make_easy_maze()).evaluator
+    model = make_model(CanonicalES, make_easy_maze(), evaluator=own)
+    env = model.env
 
-        def fail(*arguments):
-            raise ConnectionError
+    def fail(*arguments):
+        raise ConnectionError
 
-        with monkeypatch.context() as context:
-            context.setattr(model, "_choose_evaluator", fail)
-            with pytest.raises(ConnectionError):
-                model.set_env(make_easy_maze())
-        assert (model.env, model.evaluator) == (env, own)
-        model.save(path)
-        with pytest.raises(ValueError, match="`evaluator` must be given to `load`"):
-            CanonicalES.load(path, make_easy_maze())
+    with monkeypatch.context() as context:
+        context.setattr(model, "_choose_evaluator", fail)
+        with pytest.raises(ConnectionError):
+            model.set_env(make_easy_maze())
+    assert (model.env, model.evaluator) == (env, own)
+    model.save(path)
+    with pytest.raises(ValueError, match="`evaluator` must be given to `load`"):
+        CanonicalES.load(path, make_easy_maze())
 
 
 class TestSave:
@@ -131,10 +128,11 @@ class TestLoad:
         NSES(make_maze(), population_size=4).learn(1).save(path)
         others = {"behavior": "state", "policy_kwargs": {"net_arch": [4]}}
         for name, value in others.items():
-            with pytest.raises(
-                ValueError, match=rf"^`{name}` must be left as it was saved, .*NSES"
-            ):
-                NSES.load(path, env=make_maze(), **{name: value})
+            for given in ({name: value}, {"custom_objects": {name: value}}):
+                with pytest.raises(
+                    ValueError, match=f"^`{name}` must be left as it was saved, .*NSES"
+                ):
+                    NSES.load(path, env=make_maze(), **given)
         for same in (None, {}, {"net_arch": (32, 16)}, {"net_arch": [32, 16]}):
             overrides = {"behavior": "final", "policy_kwargs": same}
             assert NSES.load(path, env=make_maze(), **overrides).generation == 1

@@ -132,11 +132,10 @@ class TestUpdate:
         np.testing.assert_array_equal(motivation.bonus.observed[0], expected)
 
 
-class TestMaking:
-    def test_spaces_are_enough(self):
-        observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
-        motivation = CuriosityMotivation(observation_space, spaces.Discrete(3), n_updates=1)
-        assert motivation.n_states == 20
-        assert (motivation.score(make_rollouts(is_discrete=True)) == 0.0).all()  # none is known
-        assert motivation.update(make_rollouts(is_discrete=True))["apt/loss"] > 0.0
-        assert (motivation.score(make_rollouts(is_discrete=True, seed=1)) > 0.0).all()
+def test_spaces_are_enough():
+    observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
+    motivation = CuriosityMotivation(observation_space, spaces.Discrete(3), n_updates=1)
+    assert motivation.n_states == 20
+    assert (motivation.score(make_rollouts(is_discrete=True)) == 0.0).all()  # none is known
+    assert motivation.update(make_rollouts(is_discrete=True))["apt/loss"] > 0.0
+    assert (motivation.score(make_rollouts(is_discrete=True, seed=1)) > 0.0).all()

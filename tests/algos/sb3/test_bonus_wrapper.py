@@ -97,7 +97,9 @@ class TestRewards:
     def test_a_bonus_is_that_of_the_true_last_observation(self):
         venv = wrap_trained(bonus=(bonus := Recorder()))
         steps = play(venv, 9)
-        befores, _, afters = (np.array([each[i] for each in bonus.asked]) for i in range(3))
+        befores, actions, afters = (np.array([each[i] for each in bonus.asked]) for i in range(3))
+        taken = np.random.default_rng(0).uniform(-1, 1, (9, 2, 1)).astype(np.float32)
+        np.testing.assert_array_equal(actions, taken)
         np.testing.assert_array_equal(befores[:, 0, 0], [0, 1, 2, 3, 0, 1, 2, 3, 0])
         np.testing.assert_array_equal(afters[:, 0, 0], [1, 2, 3, 4, 1, 2, 3, 4, 1])
         seen = [observations[0, 0] for observations, *_ in steps]
@@ -117,12 +119,6 @@ class TestRewards:
         wrapper.reset()
         wrapper.step(np.zeros((2, *venv.action_space.shape), dtype=np.float32))
         assert bonus.memory.paid[-1] == [1, 1]
-
-    def test_actions_are_those_that_were_taken(self):
-        venv = wrap_trained(bonus=(bonus := Recorder()))
-        play(venv, 5, seed=3)
-        taken = np.random.default_rng(3).uniform(-1, 1, (5, 2, 1)).astype(np.float32)
-        np.testing.assert_array_equal([actions for _, actions, _ in bonus.asked], taken)
 
     def test_a_bonus_with_a_horizon_learns_from_spans_within_episodes(self):
         bonus = Recorder()
@@ -275,18 +271,17 @@ class TestTraining:
         assert all(info[0]["reward_intrinsic"] > 0 for *_, info in steps)
 
 
-class TestAlgorithms:
-    @pytest.mark.parametrize(
-        ("key", "last"), [(None, [4, 40, 40]), ("number", [4]), ("other", [40, 40])]
-    )
-    def test_dictionaries(self, tmp_path, key, last, assert_same):
-        venv, other = (make_venv(env=lambda: Entries(Count())) for _ in range(2))
-        venv = wrap(venv, train_interval=16, observation_key=key)
-        play(venv, 4)
-        assert venv.buffer.state_dict()["next_observations"][-1].tolist() == last
-        venv.save(tmp_path / "wrapper.npz")
-        other = BonusVecEnvWrapper.load(tmp_path / "wrapper.npz", other, device="cpu")
-        assert_same(venv.state_dict(), other.state_dict())
+@pytest.mark.parametrize(
+    ("key", "last"), [(None, [4, 40, 40]), ("number", [4]), ("other", [40, 40])]
+)
+def test_dictionaries(tmp_path, key, last, assert_same):
+    venv, other = (make_venv(env=lambda: Entries(Count())) for _ in range(2))
+    venv = wrap(venv, train_interval=16, observation_key=key)
+    play(venv, 4)
+    assert venv.buffer.state_dict()["next_observations"][-1].tolist() == last
+    venv.save(tmp_path / "wrapper.npz")
+    other = BonusVecEnvWrapper.load(tmp_path / "wrapper.npz", other, device="cpu")
+    assert_same(venv.state_dict(), other.state_dict())
 
 
 class TestFiles:

@@ -154,10 +154,19 @@ def test_there_may_be_nothing_to_count():
     assert callback.best_return > 0
 
 
+def test_it_logs_what_a_wrapper_pays_and_learns(tmp_path):
+    logger = configure(str(tmp_path), ["json"])
+    venv = BonusVecEnvWrapper(make_vec_env("CartPole-v1"), bonus="rnd", train_interval=50, seed=0)
+    train(VecMonitor(venv), 100, ExplorationCallback(), logger)
+    logged = read_log(tmp_path)[-1]
+    assert 0 < logged["intrinsic/mean"] < logged["intrinsic/max"] <= 10
+    assert logged["rnd/loss"] == venv.metrics["rnd/loss"]
+
+
 def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_last_log(tmp_path):
     venv = make_vec_env("Pendulum-v1")
     venv = BonusVecEnvWrapper(venv, bonus="rnd", train_interval=50, seed=0, device="cpu")
-    model = SAC("MlpPolicy", VecMonitor(venv), learning_starts=500, seed=0, device="cpu")
+    model = SAC("MlpPolicy", venv, learning_starts=500, seed=0, device="cpu")
     model.set_logger(configure(str(tmp_path), ["json"]))
     paid = []
 
@@ -170,7 +179,6 @@ def test_what_an_off_policy_algorithm_is_paid_is_that_of_all_steps_since_the_las
     for row, part in zip(rows, (paid[:200], paid[200:]), strict=True):  # episodes of 200 steps
         assert row["intrinsic/mean"] == pytest.approx(np.mean(part))
         assert row["intrinsic/max"] == np.max(part) > row["intrinsic/mean"]
-    assert rows[-1]["rnd/loss"] == venv.metrics["rnd/loss"]
 
 
 def test_the_log_of_an_episode_has_its_cell(tmp_path):
@@ -216,21 +224,20 @@ class TestCheckpoints:
             train(make_vec_env("Pendulum-v1"), 10, BonusCheckpointCallback(5, str(tmp_path)))
 
 
-class TestNewWrapper:
-    @pytest.mark.parametrize("kind", ["exploration", "checkpoint"])
-    def test_a_model_that_has_trained_is_warned_of_one(self, kind, tmp_path):
-        venv = wrapped()
-        model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
-        model.learn(160).save(tmp_path / "model")
-        venv.save(tmp_path / "bonus.npz")
-        callback = {
-            "exploration": ExplorationCallback(),
-            "checkpoint": BonusCheckpointCallback(1000, str(tmp_path)),
-        }[kind]
-        settings = {"total_timesteps": 160, "callback": callback, "reset_num_timesteps": False}
-        with pytest.warns(UserWarning, match="has trained, and its BonusVecEnvWrapper is new"):
-            PPO.load(tmp_path / "model", wrapped(), device="cpu").learn(**settings)
-        inner = make_vec_env("Pendulum-v1", n_envs=2)
-        loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.npz", inner, device="cpu")
-        with warnings.catch_warnings(action="error"):
-            PPO.load(tmp_path / "model", loaded, device="cpu").learn(**settings)
+@pytest.mark.parametrize("kind", ["exploration", "checkpoint"])
+def test_a_model_that_has_trained_is_warned_of_a_new_wrapper(kind, tmp_path):
+    venv = wrapped()
+    model = PPO("MlpPolicy", venv, n_steps=80, batch_size=80, n_epochs=1, device="cpu")
+    model.learn(160).save(tmp_path / "model")
+    venv.save(tmp_path / "bonus.npz")
+    callback = {
+        "exploration": ExplorationCallback(),
+        "checkpoint": BonusCheckpointCallback(1000, str(tmp_path)),
+    }[kind]
+    settings = {"total_timesteps": 160, "callback": callback, "reset_num_timesteps": False}
+    with pytest.warns(UserWarning, match="has trained, and its BonusVecEnvWrapper is new"):
+        PPO.load(tmp_path / "model", wrapped(), device="cpu").learn(**settings)
+    inner = make_vec_env("Pendulum-v1", n_envs=2)
+    loaded = BonusVecEnvWrapper.load(tmp_path / "bonus.npz", inner, device="cpu")
+    with warnings.catch_warnings(action="error"):
+        PPO.load(tmp_path / "model", loaded, device="cpu").learn(**settings)

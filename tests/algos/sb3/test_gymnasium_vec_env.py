@@ -108,8 +108,8 @@ def test_equals_a_dummy_vec_env(kind, mode):
     assert ours.action_space == theirs.action_space
     for each in (ours, theirs):
         each.seed(4)
-    assert_same(ours.reset(), theirs.reset())
-    assert_same(ours.reset_infos, theirs.reset_infos)
+    np.testing.assert_equal(ours.reset(), theirs.reset())
+    np.testing.assert_equal(ours.reset_infos, theirs.reset_infos)
     rng = np.random.default_rng(0)
     n_ends = 0
     for _ in range(40):
@@ -117,27 +117,13 @@ def test_equals_a_dummy_vec_env(kind, mode):
         if theirs.action_space.shape:
             action = rng.uniform(-1, 1, action.shape).astype(np.float32)
         our, their = ours.step(action), theirs.step(action)
-        assert_same(our, their)
-        assert_same(ours.reset_infos, theirs.reset_infos)
+        np.testing.assert_equal(our, their)
+        np.testing.assert_equal(ours.reset_infos, theirs.reset_infos)
         assert our[1].dtype == their[1].dtype
         assert not any(isinstance(value, np.generic) for info in our[3] for value in info.values())
         n_ends += our[2].sum()
     assert n_ends >= N
     ours.close()
-
-
-def assert_same(one, other):
-    """The same values, numpy's scalars being numbers."""
-    if isinstance(one, dict):
-        assert set(one) == set(other)
-        for key, value in one.items():
-            assert_same(value, other[key])
-    elif isinstance(one, list | tuple):
-        assert len(one) == len(other)
-        for pair in zip(one, other, strict=True):
-            assert_same(*pair)
-    else:
-        np.testing.assert_array_equal(one, other)
 
 
 class TestAttributes:

@@ -61,27 +61,26 @@ def live(emitter, n_generations):
     return emitted
 
 
-class TestEmitters:
-    @pytest.mark.parametrize(
-        ("name", "n_generations", "dtype"),
-        [
-            *[(name, 12, np.float32) for name in EMITTERS],
-            ("cma_es", 0, np.float32),
-            ("cma_es", 1, np.float64),
-            ("pareto", 0, np.float64),
-        ],
-    )
-    def test_they_go_on_in_every_bit(self, name, n_generations, dtype, assert_same):
-        archives = [make_archive(dtype, kind_of_archive(name)) for _ in range(2)]
-        one, other = (EMITTERS[name](each, seed=seed) for seed, each in enumerate(archives))
-        live(one, n_generations)
-        other.ask()  # what it did before leaves no trace
-        archives[1].load_state_dict(archives[0].state_dict())
-        load_foreign_state(other, through_a_file(foreign_state(one)))
-        for each, twin in zip(live(one, 7), live(other, 7), strict=True):
-            assert each.dtype == twin.dtype
-            np.testing.assert_array_equal(each, twin)
-        assert_same(foreign_state(one), foreign_state(other))
+@pytest.mark.parametrize(
+    ("name", "n_generations", "dtype"),
+    [
+        *[(name, 12, np.float32) for name in EMITTERS],
+        ("cma_es", 0, np.float32),
+        ("cma_es", 1, np.float64),
+        ("pareto", 0, np.float64),
+    ],
+)
+def test_emitters_go_on_in_every_bit(name, n_generations, dtype, assert_same):
+    archives = [make_archive(dtype, kind_of_archive(name)) for _ in range(2)]
+    one, other = (EMITTERS[name](each, seed=seed) for seed, each in enumerate(archives))
+    live(one, n_generations)
+    other.ask()  # what it did before leaves no trace
+    archives[1].load_state_dict(archives[0].state_dict())
+    load_foreign_state(other, through_a_file(foreign_state(one)))
+    for each, twin in zip(live(one, 7), live(other, 7), strict=True):
+        assert each.dtype == twin.dtype
+        np.testing.assert_array_equal(each, twin)
+    assert_same(foreign_state(one), foreign_state(other))
 
 
 class Thing:

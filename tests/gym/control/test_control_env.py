@@ -77,17 +77,16 @@ class TestExtra:
         assert 'pip install "curiosity-search[control]"' in message
 
 
-class TestStep:
-    def test_raises_where_the_physics_fail_and_needs_a_reset_then(self):
-        env = ControlEnv("ball_in_cup")
-        env.reset()
-        env.simulation._batch.bind("qvel")[0, 0] = 1e12
-        with pytest.raises(SimulationError, match="simulation 0"):
-            env.step(np.zeros(2))
-        with pytest.raises(ResetNeeded):
-            env.step(np.zeros(2))
-        env.reset()
-        assert np.isfinite(env.step(np.zeros(2))[0]).all()
+def test_it_raises_where_the_physics_fail_and_needs_a_reset_then():
+    env = ControlEnv("ball_in_cup")
+    env.reset()
+    env.simulation._batch.bind("qvel")[0, 0] = 1e12
+    with pytest.raises(SimulationError, match="simulation 0"):
+        env.step(np.zeros(2))
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros(2))
+    env.reset()
+    assert np.isfinite(env.step(np.zeros(2))[0]).all()
 
 
 def test_rejects_bad_keywords():

@@ -92,19 +92,18 @@ class TestRandomStarts:
         assert len(np.unique(simulation.state, axis=0)) == 1
 
 
-class TestCopies:
-    def test_continue_bit_for_bit_on_their_own(self, name, duplicate):
-        simulation = Simulation(TASKS[name](), 2)
-        actions = make_actions("bang-bang", 300, simulation.task.n_actions)[:, None]
-        play(simulation, actions)
-        twin = duplicate(simulation)
+def test_copies_continue_bit_for_bit_on_their_own(name, duplicate):
+    simulation = Simulation(TASKS[name](), 2)
+    actions = make_actions("bang-bang", 300, simulation.task.n_actions)[:, None]
+    play(simulation, actions)
+    twin = duplicate(simulation)
+    np.testing.assert_array_equal(simulation.observations, twin.observations)
+    np.testing.assert_array_equal(simulation.behaviors, twin.behaviors)
+    for action in actions:
+        np.testing.assert_array_equal(simulation.step(action), twin.step(action))
         np.testing.assert_array_equal(simulation.observations, twin.observations)
-        np.testing.assert_array_equal(simulation.behaviors, twin.behaviors)
-        for action in actions:
-            np.testing.assert_array_equal(simulation.step(action), twin.step(action))
-            np.testing.assert_array_equal(simulation.observations, twin.observations)
-        twin.reset()
-        assert (simulation.observations != twin.observations).any()
+    twin.reset()
+    assert (simulation.observations != twin.observations).any()
 
 
 FORK = """

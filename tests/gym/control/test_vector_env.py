@@ -33,41 +33,39 @@ def actions_fixture():
     return np.stack([make_actions("bang-bang", 150, 5, seed) for seed in (5, 1, 10, 4)], axis=1)
 
 
-class TestAgainstSingleEnvs:
-    @pytest.mark.parametrize("random_start", [False, True])
-    @pytest.mark.parametrize("mode", MODES)
-    def test_equals_gymnasiums_sync_vector_env(
-        self, random_start, mode, actions, run, assert_identical
-    ):
-        changes = {"random_start": random_start}
-        ours = run(make_native(autoreset_mode=mode, n_threads=2, **changes), actions)
-        theirs = run(make_sync(mode, **changes), actions)
-        for our, their in zip(ours, theirs, strict=True):
-            assert_identical(our, their)
-        ends = np.array([result[2:4] for result in ours if len(result) == 5]).sum(axis=(0, 2))
-        assert ends.min() > 0
+@pytest.mark.parametrize("random_start", [False, True])
+@pytest.mark.parametrize("mode", MODES)
+def test_equals_gymnasiums_sync_vector_env(random_start, mode, actions, run, assert_identical):
+    changes = {"random_start": random_start}
+    ours = run(make_native(autoreset_mode=mode, n_threads=2, **changes), actions)
+    theirs = run(make_sync(mode, **changes), actions)
+    for our, their in zip(ours, theirs, strict=True):
+        assert_identical(our, their)
+    ends = np.array([result[2:4] for result in ours if len(result) == 5]).sum(axis=(0, 2))
+    assert ends.min() > 0
 
 
-class TestRandomStarts:
-    @pytest.mark.parametrize(
-        ("seed", "mask"),
-        [
-            (7, None),
-            ([7, 3, 7, 20], [True, False, False, True]),
-            ([5, None, 5, None], [True, False, False, True]),
-        ],
-    )
-    def test_are_those_of_single_envs_with_the_same_seeds(self, name, seed, mask, assert_identical):
-        changes = {"task": name, "success_threshold": None, "random_start": True}
-        native, sync = make_native(**changes), make_sync("NextStep", **changes)
-        results = []
-        for envs in (native, sync):
-            envs.reset(seed=1)
-            options = {} if mask is None else {"reset_mask": np.array(mask)}
-            results.append([envs.reset(seed=seed, options=options), envs.reset()])
-        for ours, theirs in zip(*results, strict=True):
-            np.testing.assert_array_equal(ours[0], theirs[0])
-        assert len(np.unique(results[0][1][0], axis=0)) >= 3
+@pytest.mark.parametrize(
+    ("seed", "mask"),
+    [
+        (7, None),
+        ([7, 3, 7, 20], [True, False, False, True]),
+        ([5, None, 5, None], [True, False, False, True]),
+    ],
+)
+def test_random_starts_are_those_of_single_envs_with_the_same_seeds(
+    name, seed, mask, assert_identical
+):
+    changes = {"task": name, "success_threshold": None, "random_start": True}
+    native, sync = make_native(**changes), make_sync("NextStep", **changes)
+    results = []
+    for envs in (native, sync):
+        envs.reset(seed=1)
+        options = {} if mask is None else {"reset_mask": np.array(mask)}
+        results.append([envs.reset(seed=seed, options=options), envs.reset()])
+    for ours, theirs in zip(*results, strict=True):
+        np.testing.assert_array_equal(ours[0], theirs[0])
+    assert len(np.unique(results[0][1][0], axis=0)) >= 3
 
 
 class TestStep:

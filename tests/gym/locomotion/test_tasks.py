@@ -1,5 +1,7 @@
 """Every robot against Gymnasium's own environment: the same bits, whatever its options."""
 
+import inspect
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -115,8 +117,6 @@ def test_equals_gymnasium_over_a_thousand_steps(env_id, kind):
 
 def test_every_option_of_the_constructor_is_taken_over_or_changes_no_number():
     for env_id in TASKS:
-        import inspect
-
         original = make_original(env_id)
         named = set(inspect.signature(type(original).__init__).parameters) - {"self", "kwargs"}
         of_the_model = {"xml_file", "frame_skip"}  # taken with the model, and with the step
@@ -208,34 +208,32 @@ def test_behaviors_are_where_the_torso_is_within_the_bounds():
     np.testing.assert_allclose(simulation.behaviors, expected, atol=0.05)
 
 
-class TestEquality:
-    def test_asks_for_every_option(self):
-        for env_id in TASKS:
-            plain = TASKS[env_id](make_original(env_id))
-            for name, value in {
-                **options_of(env_id, "others"),
-                **options_of(env_id, "endless"),
-            }.items():
-                assert TASKS[env_id](make_original(env_id, **{name: value})) != plain, name
+def test_equality_asks_for_every_option():
+    for env_id in TASKS:
+        plain = TASKS[env_id](make_original(env_id))
+        for name, value in {
+            **options_of(env_id, "others"),
+            **options_of(env_id, "endless"),
+        }.items():
+            assert TASKS[env_id](make_original(env_id, **{name: value})) != plain, name
 
 
-class TestCopies:
-    @pytest.mark.parametrize("env_id", ["Humanoid-v5", "Walker2d-v5"])
-    def test_go_on_with_the_same_bits(self, env_id, duplicate):
-        simulation = make_simulation(env_id, behavior="feet", **NEVER_ENDS)
-        simulation.reset(np.arange(3), [generator(0)])
-        rng = np.random.default_rng(2)
-        actions = rng.uniform(-0.4, 0.4, (40, 3, simulation.task.n_actions)).astype(np.float32)
-        for each in actions[:20]:
-            simulation.step(each)
-        twin = duplicate(simulation)
-        np.testing.assert_array_equal(twin.behaviors, simulation.behaviors)
-        for each in actions[20:]:
-            simulation.step(each)
-            twin.step(each)
-            np.testing.assert_array_equal(twin.observations, simulation.observations)
-            np.testing.assert_array_equal(twin.rewards, simulation.rewards)
-        np.testing.assert_array_equal(twin.state, simulation.state)
+@pytest.mark.parametrize("env_id", ["Humanoid-v5", "Walker2d-v5"])
+def test_copies_go_on_with_the_same_bits(env_id, duplicate):
+    simulation = make_simulation(env_id, behavior="feet", **NEVER_ENDS)
+    simulation.reset(np.arange(3), [generator(0)])
+    rng = np.random.default_rng(2)
+    actions = rng.uniform(-0.4, 0.4, (40, 3, simulation.task.n_actions)).astype(np.float32)
+    for each in actions[:20]:
+        simulation.step(each)
+    twin = duplicate(simulation)
+    np.testing.assert_array_equal(twin.behaviors, simulation.behaviors)
+    for each in actions[20:]:
+        simulation.step(each)
+        twin.step(each)
+        np.testing.assert_array_equal(twin.observations, simulation.observations)
+        np.testing.assert_array_equal(twin.rewards, simulation.rewards)
+    np.testing.assert_array_equal(twin.state, simulation.state)
 
 
 def test_threads_and_neighbours_change_no_bit():

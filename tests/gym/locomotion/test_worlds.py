@@ -79,18 +79,17 @@ class TestWalls:
         assert env.behavior_space.high.tolist() == [14.0, 6.0]
 
 
-class TestObservations:
-    @pytest.mark.parametrize("robot", ["Ant-v5", "Humanoid-v5"])
-    def test_are_gymnasiums_after_the_place_in_the_world(self, robot):
-        ours, theirs = LocomotionEnv(robot, world="trap"), gym.make(robot).unwrapped
-        observation, expected = ours.reset(seed=4)[0], theirs.reset(seed=4)[0]
-        rng = np.random.default_rng(0)
-        for _ in range(10):
-            place = 2.0 * (theirs.data.qpos[:2] + TRAP.start) / [TRAP.width, TRAP.height] - 1.0
-            np.testing.assert_allclose(observation[:2], place, atol=1e-12)
-            np.testing.assert_allclose(observation[2:], expected, atol=1e-9)
-            action = rng.uniform(-0.4, 0.4, theirs.action_space.shape).astype(np.float32)
-            observation, expected = ours.step(action)[0], theirs.step(action)[0]
+@pytest.mark.parametrize("robot", ["Ant-v5", "Humanoid-v5"])
+def test_observations_are_gymnasiums_after_the_place_in_the_world(robot):
+    ours, theirs = LocomotionEnv(robot, world="trap"), gym.make(robot).unwrapped
+    observation, expected = ours.reset(seed=4)[0], theirs.reset(seed=4)[0]
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        place = 2.0 * (theirs.data.qpos[:2] + TRAP.start) / [TRAP.width, TRAP.height] - 1.0
+        np.testing.assert_allclose(observation[:2], place, atol=1e-12)
+        np.testing.assert_allclose(observation[2:], expected, atol=1e-9)
+        action = rng.uniform(-0.4, 0.4, theirs.action_space.shape).astype(np.float32)
+        observation, expected = ours.step(action)[0], theirs.step(action)[0]
 
 
 class TestRewards:

@@ -272,15 +272,14 @@ def assert_beams_agree(layout, position, **changes):
         assert min(expected) - 1e-3 <= beam * lidar_range <= max(expected) + 1e-3
 
 
-class TestCastBeams:
-    @settings(max_examples=2 * settings.default.max_examples)
-    @given(
-        layout=layouts(),
-        n_beams=st.sampled_from([1, 2, 7, 32]),
-        lidar_range=st.one_of(st.sampled_from([10.0, 60.0]), st.floats(0.5, 60.0)),
-    )
-    def test_agrees_with_shapely_in_random_layouts(self, layout, n_beams, lidar_range):
-        assert_beams_agree(layout, layout.start, n_beams=n_beams, lidar_range=lidar_range)
+@settings(max_examples=2 * settings.default.max_examples)
+@given(
+    layout=layouts(),
+    n_beams=st.sampled_from([1, 2, 7, 32]),
+    lidar_range=st.one_of(st.sampled_from([10.0, 60.0]), st.floats(0.5, 60.0)),
+)
+def test_beams_agree_with_shapely_in_random_layouts(layout, n_beams, lidar_range):
+    assert_beams_agree(layout, layout.start, n_beams=n_beams, lidar_range=lidar_range)
 
 
 def test_observe_scales_every_entry():

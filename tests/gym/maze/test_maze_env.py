@@ -267,12 +267,11 @@ class TestStep:
                 np.testing.assert_array_equal(now[-1][key], value)
 
 
-class TestRestitution:
-    def test_is_zero_unless_asked_for(self):
-        for keywords, speed in (({}, 0.0), ({"restitution": 1.0}, 20.0)):
-            env = MazeEnv(small_layout(), **keywords)
-            env.reset(options={"state": (38.0, 5.0, 20.0, 0.0)})
-            assert env.step(FREE)[4]["velocity"][0] == -speed
+def test_restitution_is_zero_unless_asked_for():
+    for keywords, speed in (({}, 0.0), ({"restitution": 1.0}, 20.0)):
+        env = MazeEnv(small_layout(), **keywords)
+        env.reset(options={"state": (38.0, 5.0, 20.0, 0.0)})
+        assert env.step(FREE)[4]["velocity"][0] == -speed
 
 
 BAD_KEYWORDS = [

@@ -74,33 +74,31 @@ class TestAgainstSingleEnvs:
         assert ours.metadata["autoreset_mode"] is theirs.metadata["autoreset_mode"]
 
 
-class TestThreads:
-    @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-    def test_results_do_not_depend_on_their_number(self, mode, assert_identical, run):
-        actions = random_actions(60, num_envs=700)
-        runs = [
-            run(make_native(700, autoreset_mode=mode, n_threads=n_threads), actions)
-            for n_threads in (1, 2, 5)
-        ]
-        for other in runs[1:]:
-            for ours, theirs in zip(runs[0], other, strict=True):
-                assert_identical(ours, theirs)
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_results_do_not_depend_on_the_number_of_threads(mode, assert_identical, run):
+    actions = random_actions(60, num_envs=700)
+    runs = [
+        run(make_native(700, autoreset_mode=mode, n_threads=n_threads), actions)
+        for n_threads in (1, 2, 5)
+    ]
+    for other in runs[1:]:
+        for ours, theirs in zip(runs[0], other, strict=True):
+            assert_identical(ours, theirs)
 
 
-class TestBuffers:
-    @pytest.mark.parametrize("mode", MODES)
-    def test_are_never_overwritten_later(self, mode, assert_identical):
-        envs = make_native(autoreset_mode=mode)
-        actions = random_actions(60)
-        kept = []
-        results = [envs.reset()]
-        for action in actions:
-            kept.append(copy.deepcopy(results[-1]))
-            results.append(envs.step(action))
-            if mode == AutoresetMode.DISABLED and (ended := results[-1][2] | results[-1][3]).any():
-                envs.reset(options={"reset_mask": ended})
-        for now, then in zip(results[:-1], kept, strict=True):
-            assert_identical(now, then)
+@pytest.mark.parametrize("mode", MODES)
+def test_buffers_are_never_overwritten_later(mode, assert_identical):
+    envs = make_native(autoreset_mode=mode)
+    actions = random_actions(60)
+    kept = []
+    results = [envs.reset()]
+    for action in actions:
+        kept.append(copy.deepcopy(results[-1]))
+        results.append(envs.step(action))
+        if mode == AutoresetMode.DISABLED and (ended := results[-1][2] | results[-1][3]).any():
+            envs.reset(options={"reset_mask": ended})
+    for now, then in zip(results[:-1], kept, strict=True):
+        assert_identical(now, then)
 
 
 class TestReset:

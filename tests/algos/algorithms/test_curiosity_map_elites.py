@@ -1,9 +1,12 @@
+import copy
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from padded_rollouts import LENGTHS, make_rollouts
 
 from curiosity_algos import ICM, CuriosityMAPElites
+from curiosity_algos.bonuses.transitions import draw_transitions
 from curiosity_gym import BehaviorWrapper
 
 
@@ -28,17 +31,14 @@ def test_parents_are_the_most_curious_of_their_tournaments(make_model, make_easy
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_what_is_kept_are_steps_of_each_episode(is_discrete, make_model, make_easy_maze):
     rollouts = make_rollouts(is_discrete)
-    fields = make_model(CuriosityMAPElites, make_easy_maze(), n_kept=60)._fields(rollouts)
-    np.testing.assert_array_equal(fields["length"], LENGTHS)
-    assert fields["actions"].dtype == rollouts.actions.dtype
-    for i, seen in enumerate(rollouts.observations):
-        times = [
-            np.flatnonzero((seen == before).all(axis=1)).item()
-            for before in fields["observations"][i]
-        ]
-        assert set(times) == set(range(LENGTHS[i]))
-        np.testing.assert_array_equal(fields["next_observations"][i], seen[np.array(times) + 1])
-        np.testing.assert_array_equal(fields["actions"][i], rollouts.actions[i][times])
+    model = make_model(CuriosityMAPElites, make_easy_maze(), n_kept=60)
+    draw = draw_transitions(copy.deepcopy(model._draws), len(LENGTHS), 60)
+    before, actions, after = draw(rollouts, slice(0, len(LENGTHS)))
+    expected = {"observations": before, "actions": actions, "next_observations": after}
+    fields = model._fields(rollouts)
+    for name, values in (expected | {"length": LENGTHS}).items():
+        np.testing.assert_array_equal(fields[name], values)
+        assert fields[name].dtype == values.dtype
 
 
 @pytest.mark.parametrize(("env_id", "shape"), [("CartPole-v1", (4,)), ("Pendulum-v1", (4, 1))])

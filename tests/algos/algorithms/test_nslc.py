@@ -10,37 +10,6 @@ from curiosity_algos.archives.verify import verify
 FINAL, LEARNED = {"behavior": "final"}, {"behavior": "learned"}
 
 
-def front(scores):
-    """Indices that no other dominates, from the definition."""
-    return {
-        i
-        for i, one in enumerate(scores)
-        if not any((other >= one).all() and (other > one).any() for other in scores)
-    }
-
-
-def test_parents_are_the_best_in_novelty_and_local_competition(make_model, make_easy_maze):
-    model = make_model(NSLC, make_easy_maze(), **FINAL, population_size=20, n_parents=5)
-    told = []
-    add = model.archive.add
-    model.archive.add = lambda *args, **kwargs: told.append(add(*args, **kwargs)) or told[-1]
-    for _ in range(6):
-        asked = model._ask().copy()
-        rollouts = model.evaluator.evaluate(asked, 0)
-        model._tell(rollouts)
-        info = told[-1]
-        scores = np.stack([info["novelty"], info["local_competition"]], axis=1)
-        chosen = {
-            i
-            for parent in model._emitters.emitters[0]._parents
-            for i in np.flatnonzero((asked == parent).all(axis=1))
-        }
-        best = front(scores)
-        assert len(chosen) == 5
-        assert best <= chosen or chosen <= best
-    assert model.archive.stats.obj_max > 0
-
-
 @pytest.mark.parametrize("behavior", ["final", "state", "learned"])
 def test_elites_are_told_apart_by_their_behaviors(make_model, make_easy_maze, behavior):
     model = make_model(NSLC, make_easy_maze(), behavior=behavior).learn(4000)

@@ -38,11 +38,18 @@ def test_an_object_for_other_spaces_is_refused(made, asked):
         make_bonus(bonus, {}, *asked, seed=SEED, device="cpu")
 
 
-@pytest.mark.parametrize("horizon", [0, 2.7])
-def test_an_object_has_a_horizon_of_steps(horizon):
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        *(("horizon", n, "`horizon` must be a whole number of at least 1") for n in (0, 2.7)),
+        ("state_dict", lambda: {"counts": {1}}, r"A state must hold .* at `bonus/"),
+        ("score", lambda *batch: np.zeros((2, 1)), r"`bonus` must give one .*, got \(2, 1\) of 2"),
+    ],
+)
+def test_an_object_that_does_not_fit_is_refused(name, value, message):
     bonus = make_bonus("apt", {}, *SPACES, seed=SEED, device="cpu")
-    vars(bonus)["horizon"] = horizon  # as one of a user's own may have it
-    with pytest.raises(ValueError, match="`horizon` must be a whole number of at least 1"):
+    vars(bonus)[name] = value  # as one of a user's own may have it
+    with pytest.raises(ValueError, match=message):
         make_bonus(bonus, {}, *SPACES, seed=SEED, device="cpu")
 
 
@@ -62,20 +69,6 @@ def test_an_object_is_tried_out_on_actions_of_the_environment(space, actions):
     make_bonus(bonus, {}, SPACES[0], space, seed=SEED, device="cpu")
     np.testing.assert_array_equal(asked, [actions])
     assert all(space.contains(action) for action in asked[0])
-
-
-def test_an_object_that_could_not_be_saved_is_refused():
-    bonus = make_bonus("icm", {}, *SPACES, seed=SEED, device="cpu")
-    bonus.state_dict = lambda: {"counts": {1}}
-    with pytest.raises(ValueError, match=r"A state must hold .* at `bonus/"):
-        make_bonus(bonus, {}, *SPACES, seed=SEED, device="cpu")
-
-
-def test_an_object_gives_each_transition_one_score():
-    bonus = make_bonus("icm", {}, *SPACES, seed=SEED, device="cpu")
-    bonus.score = lambda observations, actions, next_observations: np.zeros((2, 1))
-    with pytest.raises(ValueError, match=r"`bonus` must give one score .*, got \(2, 1\) of 2"):
-        make_bonus(bonus, {}, *SPACES, seed=SEED, device="cpu")
 
 
 @pytest.mark.parametrize(

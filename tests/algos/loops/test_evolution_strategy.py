@@ -5,7 +5,7 @@ import pytest
 import torch as th
 
 from curiosity_algos import NSES, CanonicalES, CuriosityES
-from curiosity_algos.motivations.fitness import standardize
+from curiosity_algos.motivations.fitness import Fitness, standardize
 from curiosity_algos.search.canonical import CanonicalSearch
 
 
@@ -15,22 +15,27 @@ from curiosity_algos.search.canonical import CanonicalSearch
 class TestMotivated:
     """What strategies with a motivation beside the returns do alike."""
 
+    @pytest.mark.parametrize(("phi", "n_generations"), [(0.6, 4), ("adaptive", 20)])
     def test_a_generation_is_one_of_algorithm_1(
-        self, algorithm, settings, make_model, make_easy_maze, assert_same
+        self, algorithm, settings, phi, n_generations, make_model, make_easy_maze, assert_same
     ):
-        given = {"phi": 0.6, "seed": 1, **settings}
+        given = {"phi": phi, "seed": 1, **settings}
         model, twin = (make_model(algorithm, make_easy_maze(), **given) for _ in range(2))
-        for _ in range(4):
+        fitness, weights = Fitness(phi, "ignore", np.random.SeedSequence(0)), set()
+        for _ in range(n_generations):
             rollouts = twin.evaluator.evaluate(
                 twin._search.ask(), int(twin._episode_seeds.integers(2**31))
             )
-            intrinsic = twin._motivation.score(rollouts)
-            twin._search.tell(0.6 * standardize(rollouts.returns) + 0.4 * standardize(intrinsic))
+            fitness.adapt(rollouts.returns.max())
+            weights.add(phi := fitness.weight)
+            intrinsic = standardize(twin._motivation.score(rollouts))
+            twin._search.tell(phi * standardize(rollouts.returns) + (1 - phi) * intrinsic)
             twin._motivation.update(rollouts)
             model.learn(1, reset_num_timesteps=False)
             for name in ("_search", "_motivation"):
                 assert_same(getattr(model, name).state_dict(), getattr(twin, name).state_dict())
         assert model.best_return > 0
+        assert len(weights) > 1 or n_generations == 4
 
     def test_with_phi_one_it_is_the_canonical_es(
         self, algorithm, settings, make_model, make_easy_maze, assert_same

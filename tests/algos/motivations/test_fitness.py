@@ -114,26 +114,6 @@ def test_errors_say_what_phi_may_be(phi):
         check_phi(phi)
 
 
-def test_a_generation_is_ranked_by_the_weight_that_it_leads_to(
-    make_model, make_easy_maze, assert_same
-):
-    model, twin = (make_model(NSES, make_easy_maze(), phi="adaptive") for _ in range(2))
-    phi, best, lowest = Fitness("adaptive", "ignore", SEED), -np.inf, HIGHEST
-    for _ in range(20):
-        seed = int(twin._episode_seeds.integers(2**31))
-        rollouts = twin.evaluator.evaluate(twin._search.ask(), seed)
-        phi.adapt(rollouts.returns.max())
-        lowest = min(lowest, phi.weight)
-        best = max(best, rollouts.returns.max())
-        novelty = standardize(twin._motivation.score(rollouts))
-        twin._search.tell(phi.weight * standardize(rollouts.returns) + (1 - phi.weight) * novelty)
-        twin._motivation.update(rollouts)
-        model.learn(1, reset_num_timesteps=False)
-        assert_same(model._search.state_dict(), twin._search.state_dict())
-    assert best > 0.0
-    assert lowest < HIGHEST
-
-
 @pytest.mark.parametrize(("saved", "given"), [("adaptive", 0.3), (0.3, "adaptive")])
 def test_load_takes_another(make_model, make_easy_maze, tmp_path, saved, given):
     make_model(NSES, make_easy_maze(), phi=saved).learn(3500).save(tmp_path / "model")

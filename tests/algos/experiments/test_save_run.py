@@ -1,3 +1,4 @@
+import csv
 import gc
 import json
 import os
@@ -291,6 +292,27 @@ class TestStableBaselines:
         progress = load_progress(folder)
         assert progress["coverage/all"].iloc[-1] == seen.coverage.all
         assert progress["intrinsic/mean"].notna().any()
+
+    def test_a_killed_run_goes_on(self, folder):
+        killed = make_ppo(VecNormalize(make_mazes(bonus="icm")))
+        with pytest.raises(KilledError):
+            killed.learn(600, [SaveRun(folder, interval=1e-9), Kill(500)], log_interval=1)
+        checkpoint, before = RunFolder(folder).checkpoint, the_run(folder)
+        assert int(checkpoint.name) == before["timesteps"] == 480
+        wrapped = BonusVecEnvWrapper.load(checkpoint / "bonus.npz", make_mazes())
+        assert len(wrapped.buffer) == 480
+        env = VecNormalize.load(checkpoint / "vecnormalize.pkl", wrapped)
+        model = PPO.load(checkpoint / "model", env=env)
+        model.learn(120, SaveRun(folder), log_interval=1, reset_num_timesteps=False)
+        run = the_run(folder)
+        assert run["timesteps"] == 600
+        assert run["coverage.all"] >= before["coverage.all"]
+        assert run["n_episodes"] == len(load_final_states(folder)["return"])
+        assert load_progress(folder)["time/total_timesteps"].tolist() == list(range(120, 601, 120))
+        with RunFolder(folder).progress.open() as file:
+            counted = [row["train/n_updates"] for row in csv.DictReader(file)]
+        assert counted[-1].isdecimal()
+        assert all(n.isdecimal() for n in counted if n)  # as from a run that was not killed
 
     def test_those_that_step_no_vec_env_are_refused(self, folder):
         with pytest.raises(ValueError, match="step a VecEnv, got ARS"):

@@ -258,11 +258,6 @@ class TestWrongFiles:
         with pytest.raises(ValueError, match=r"must be a saved CuriosityES, .* not a whole one"):
             CuriosityES.load(path)
 
-    def test_a_model_of_another_algorithm(self, make_model, make_maze, path):
-        make_model(CanonicalES, make_maze()).save(path)
-        with pytest.raises(ValueError, match=r"a saved CuriosityES, .* is one of 'CanonicalES'"):
-            CuriosityES.load(path)
-
     @pytest.mark.parametrize(
         ("name", "value"),
         [

@@ -177,6 +177,15 @@ class TestInsertion:
             for name, values in as_arrays(plain.elites).items():
                 np.testing.assert_array_equal(archive.data(name), values)
 
+    @pytest.mark.parametrize("target_size", [1, 10, 19, 110])
+    def test_it_grows_by_a_tenth_before_it_is_thinned_out(self, target_size):
+        n = 11 * target_size // 10
+        archive = make_archive(target_size=target_size, extra_fields=EXTRA)
+        archive.add(**make_batch(n))
+        assert (len(archive), archive.threshold) == (n, 0.0)
+        archive.add(**make_batch(1, 1))
+        assert len(archive) == target_size
+
     @pytest.mark.parametrize("threshold", [np.nan, -1.0])
     def test_a_state_has_a_threshold(self, threshold, assert_same):
         archive, twin = make_full(), make_full()

@@ -284,3 +284,25 @@ def test_the_page_shows_robots_in_a_browser(width, tmp_path):
         distance = np.hypot(*np.subtract(torso[:2], film["world"]["goal"]))
         assert (distance < film["world"]["goal_radius"] + 0.1) == film["success"][-1], title
     assert fits
+
+
+def test_archives_are_searched_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(play, "ARCHIVES", tmp_path / "archives.npz")
+    play.search(1e4)
+    for archive in play.archives().values():
+        assert archive["sizes"] == [36, 2]
+        assert unpacked(archive).shape == (len(archive["squares"]), 74)
+
+
+def test_robots_are_recorded_anew(tmp_path, monkeypatch):
+    pytest.importorskip("mujoco")
+    from docs import play_robots
+
+    path, shown = tmp_path / "robots.npz", ("PPO", play_robots.ANT, 1, 50)
+    monkeypatch.setattr(play_robots, "EPISODES", path)
+    monkeypatch.setattr(play_robots, "SHOWN", {"Ant": shown})
+    monkeypatch.setattr(play, "EPISODES", path)
+    play_robots.record()
+    film = play.robots()["Ant"]
+    assert film["counts"] == [1 + -(-film["lengths"][0] // 50)]
+    assert (len(film["radii"]), film["stride"], film["world"]["goal"]) == (13, 50, [18.0, 0.0])

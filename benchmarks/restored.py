@@ -167,13 +167,14 @@ def _span(numbers: pd.Series) -> str:
 def in_words(values: pd.DataFrame) -> str:
     """In how many runs a search that knows no positions found the goals of mazes, and when."""
     runs = values[(values["behavior"] == "learned") & values["task"].isin([*MAZES, *DRAWN])]
-    firsts = runs["first_success_timesteps"] / 1e6
+    firsts, whole = runs["first_success_timesteps"] / 1e6, (runs["timesteps"] + runs["ways"]) / 1e6
     n_mazes = runs["task"].nunique()
     return (
         f"In {n_mazes} mazes, {n_mazes - len(MAZES)} of them drawn at random, `GoExplore` came to "
         f"the goal in {firsts.notna().sum()} of {len(runs)} runs, by observations and the sparse "
         f"reward alone. It needed {firsts.median():.1f} "
-        f"M explored steps (median), and {firsts.max():.1f} M at most."
+        f"M explored steps (median), and {firsts.max():.1f} M at most; with the ways from the start "
+        f"to where explorations began {whole.median():.1f} M, and {whole.max():.1f} M at most."
     )
 
 

@@ -1,3 +1,4 @@
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
@@ -14,6 +15,19 @@ def test_the_trained_bonus_is_at_hand(algorithm, make_model, make_easy_maze, tmp
     assert model.trained_bonus.score(*steps) != before
     loaded = algorithm.load(tmp_path / "model").trained_bonus
     assert loaded.score(*steps) == model.trained_bonus.score(*steps)
+
+
+def test_curiosity_does_not_depend_on_the_unit_of_actions(make_model, assert_same):
+    def learned(unit):  # a power of 2, which rounds nothing
+        env, highest = gym.make("Pendulum-v1"), np.float32(unit)
+        env = gym.wrappers.RescaleAction(env, -highest, highest)
+        return make_model(CuriosityES, env).learn(4000)
+
+    models = [learned(unit) for unit in (1, 2**10, 0.5)]
+    bonuses = [model.trained_bonus.state_dict() for model in models]
+    assert_same(bonuses[0], bonuses[1])
+    assert_same(bonuses[0], bonuses[2])
+    np.testing.assert_array_equal(models[0]._ask(), models[1]._ask())
 
 
 def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):

@@ -177,6 +177,10 @@ def make_features(n=7, n_features=3, dtype=th.float64):
     return [each.requires_grad_() for each in both]
 
 
+def test_the_gradient_is_that_of_differences():
+    assert th.autograd.gradcheck(InfoNCE.apply, make_features())
+
+
 def by_autograd(features, next_features):
     logits = -th.cdist(features, next_features)
     pairs = th.arange(len(logits))

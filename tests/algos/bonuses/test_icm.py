@@ -1,3 +1,5 @@
+import copy
+
 import numpy as np
 import pytest
 import torch as th
@@ -58,3 +60,28 @@ def test_curiosity_and_losses_equal_numpy(numpy_network, action_space, normalize
     assert losses["forward_loss"] == pytest.approx(forward.mean(), rel=1e-4)
     assert losses["inverse_loss"] == pytest.approx(inverse.mean(), rel=1e-4)
     assert losses["loss"] == pytest.approx(0.8 * inverse.mean() + 0.2 * forward.mean(), rel=1e-4)
+
+
+@SPACES
+@pytest.mark.parametrize("beta", [0.2, 1.0])
+def test_an_update_is_a_step_of_adam_on_the_weighted_loss(action_space, beta):
+    icm = make_icm(action_space, beta=beta, learning_rate=1e-2)
+    twin, batch = copy.deepcopy(icm), tensors(make_batch(action_space))
+    optimizer = th.optim.Adam(twin.parameters(), lr=1e-2)
+    for _ in range(3):
+        losses = twin.losses(*batch)
+        loss = (1 - beta) * losses["inverse_loss"] + beta * losses["forward_loss"]
+        metrics = icm.update(*batch)
+        assert metrics == pytest.approx(
+            {
+                "loss": loss.item(),
+                "forward_loss": losses["forward_loss"].item(),
+                "inverse_loss": losses["inverse_loss"].item(),
+            },
+            rel=1e-4,
+        )
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    for parameter, expected in zip(icm.parameters(), twin.parameters(), strict=True):
+        np.testing.assert_allclose(parameter.detach(), expected.detach(), atol=1e-5)

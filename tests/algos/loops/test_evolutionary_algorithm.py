@@ -314,6 +314,16 @@ def test_errors_name_the_argument(algorithm, wrong, make_model, make_maze):
             make_model(algorithm, make_maze(), **{name: value})
 
 
+@EVERY
+def test_parameters_carry_the_whole_search_over(algorithm, make_model, make_maze, assert_same):
+    one = make_model(algorithm, make_maze()).learn(2 * GENERATION)
+    other = make_model(algorithm, make_maze(), seed=5)
+    other.set_parameters(one.get_parameters())
+    for model in (one, other):
+        model.learn(2 * GENERATION, reset_num_timesteps=False)
+    assert_same(one.get_parameters(), other.get_parameters())
+
+
 def test_names_that_do_not_match_change_nothing(algorithm, make_model, make_maze, assert_same_run):
     model, untouched = (make_model(algorithm, make_maze()) for _ in range(2))
     policy = {"flat": th.linspace(-1, 1, model.policy.mlp.n_parameters)}

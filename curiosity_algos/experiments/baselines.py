@@ -21,6 +21,7 @@ from curiosity_algos.bonuses.base import keyword_only
 from curiosity_algos.bonuses.encoders import SMALLEST_NATURE
 from curiosity_algos.bonuses.make import BONUSES, bonus_keywords
 from curiosity_algos.common.names import find_known, plain_name
+from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.curiosity.curiosity import CuriosityKeywords
 from curiosity_algos.experiments.checkpoint_files import restore_under_way
 from curiosity_algos.robust.imitation import Standardized
@@ -77,7 +78,8 @@ def make_baseline(
         given = _keywords(BonusVecEnvWrapper, bonus, bonus_kwargs)
         device = settings.get("device", "auto")
         venv = BonusVecEnvWrapper(venv, seed=seed, device=device, **given)
-    model: BaseAlgorithm = cls(env=venv, **settings)
+    with single_torch_thread():  # orthogonal weights differ in last bits with more
+        model: BaseAlgorithm = cls(env=venv, **settings)
     return model
 
 

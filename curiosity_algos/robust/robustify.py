@@ -173,7 +173,8 @@ class Training:
             self.starts = DemonstrationStarts(venv, demonstrations, seed=starts_seed)
             stack.pop_all()
         self.env = FreshMonitor(self.starts, scale=_scale(demonstrations))
-        self.model = _make_ppo(self.env, _gamma(demonstrations), seed=ppo_seed, **learner)
+        with single_torch_thread():  # orthogonal weights, too, differ in last bits with more
+            self.model = _make_ppo(self.env, _gamma(demonstrations), seed=ppo_seed, **learner)
 
     def begin(self) -> None:
         """Imitate the demonstrations."""

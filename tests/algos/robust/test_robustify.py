@@ -6,10 +6,12 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch as th
 from stable_baselines3 import PPO
 from walk import Right, Walk
 
 from curiosity_algos import CuriosityES
+from curiosity_algos.experiments.run_spec import RunSpec
 from curiosity_algos.robust import robustify as module
 from curiosity_algos.robust import watch
 from curiosity_algos.robust.demonstrations import demonstrate, demonstrations_of
@@ -46,6 +48,35 @@ def test_a_policy_works_from_any_start_and_the_training_ends_by_itself(often, de
     models = model, PPO.load(file, device="cpu")
     actions = [one.predict(observation, deterministic=True)[0] for one in models]
     np.testing.assert_array_equal(*actions)
+
+
+@pytest.fixture
+def with_torch_threads():
+    """Calls a function while torch has so many threads."""
+    before = th.get_num_threads()
+
+    def call(n, function):
+        th.set_num_threads(n)
+        return function()
+
+    yield call
+    th.set_num_threads(before)
+
+
+def test_threads_of_torch_change_no_bit(short, demonstration, with_torch_threads):
+    def train():
+        kwargs = {"total_timesteps": 1, "seed": 0, "device": "cpu"}
+        return robustify([demonstration], Walk, **kwargs).policy.state_dict()
+
+    one, two = (with_torch_threads(n, train) for n in (1, 2))
+    assert all((one[name] == two[name]).all() for name in one)
+
+
+def test_threads_of_torch_begin_no_run_otherwise(with_torch_threads):
+    settings = {"policy_kwargs": {"net_arch": [128, 128]}}
+    spec = RunSpec("ppo", "CartPole-v1", 0, timesteps=1, settings=settings)
+    one, two = (with_torch_threads(n, spec.make).policy.state_dict() for n in (1, 2))
+    assert all((one[name] == two[name]).all() for name in one)
 
 
 def test_seeds_decide(short, demonstration):

@@ -149,12 +149,17 @@ def table(values: pd.DataFrame) -> str:
     for (kind, behavior), runs in values.groupby(["kind", "behavior"], sort=False):
         found = runs.dropna(subset="first_success_timesteps")
         firsts = found["first_success_timesteps"] / 1e6
-        whole = (found["timesteps"] + found["ways"]) / 1e6
+        whole = _with_ways(found)
         seconds = found["seconds"].median()  # unknown of a run that was paused
         cells = [_span(firsts), _span(whole), "" if pd.isna(seconds) else f"{seconds:.0f}"]
         rows.append([f"{kind}, {behavior}", f"{len(found)} of {len(runs)}", *cells])
     head = ["Task, behavior", "Found", "First success (M steps)", "With all ways", "Seconds"]
     return markdown(head, rows)
+
+
+def _with_ways(runs: pd.DataFrame) -> pd.Series:
+    """Millions of steps with those of the ways."""
+    return (runs["timesteps"] + runs["ways"]) / 1e6
 
 
 def _span(numbers: pd.Series) -> str:
@@ -167,7 +172,7 @@ def _span(numbers: pd.Series) -> str:
 def in_words(values: pd.DataFrame) -> str:
     """In how many runs a search that knows no positions found the goals of mazes, and when."""
     runs = values[(values["behavior"] == "learned") & values["task"].isin([*MAZES, *DRAWN])]
-    firsts, whole = runs["first_success_timesteps"] / 1e6, (runs["timesteps"] + runs["ways"]) / 1e6
+    firsts, whole = runs["first_success_timesteps"] / 1e6, _with_ways(runs)
     n_mazes = runs["task"].nunique()
     return (
         f"In {n_mazes} mazes, {n_mazes - len(MAZES)} of them drawn at random, `GoExplore` came to "
@@ -184,7 +189,7 @@ def rooms_in_words(values: pd.DataFrame) -> str:
     is_rooms = values["task"].str.startswith("rooms-") & (values["behavior"] == "learned")
     runs = values[is_rooms]
     solved = runs.dropna(subset="first_success_timesteps")
-    whole = (solved["timesteps"] + solved["ways"]) / 1e6
+    whole = _with_ways(solved)
     assert whole.notna().all(), "A run lacks its ways."
     return (
         f"In {runs['task'].nunique()} such mazes, with doors of 4 or 8 units, it came to the goal "

@@ -47,7 +47,8 @@ def data() -> dict[str, Any]:
         name = env_id.split("-")[1]
         if env_id.startswith("CuriosityMaze-"):
             policy = load_pretrained(algorithm, env_id)
-            network = {"sizes": policy.mlp.sizes.tolist(), "weights": packed(policy.vector)}
+            weights = packed(policy.vector.astype("<f4"))
+            network = {"sizes": policy.mlp.sizes.tolist(), "weights": weights}
             policies[name][f"{algorithm}, found by search"] = network
     env = envs["US"].unwrapped
     keywords = inspect.signature(MazeEnv).parameters
@@ -72,9 +73,9 @@ def described(layout: Any) -> dict[str, Any]:
     }
 
 
-def packed(weights: Array) -> str:
-    """Numbers as text: their float32 bytes."""
-    return base64.b64encode(weights.astype("<f4").tobytes()).decode()
+def packed(numbers: Array) -> str:
+    """Numbers as text: their bytes, of weights in float32."""
+    return base64.b64encode(numbers.tobytes()).decode()
 
 
 def archives() -> dict[str, Any]:
@@ -83,7 +84,7 @@ def archives() -> dict[str, Any]:
         return {
             name: {
                 "sizes": saved["sizes"].tolist(),
-                "weights": packed(saved[f"{name}/weights"]),
+                "weights": packed(saved[f"{name}/weights"].astype("<f4")),
                 "squares": saved[f"{name}/squares"].tolist(),
                 "side": SIDE,
             }
@@ -97,8 +98,7 @@ def robots() -> dict[str, Any]:
     with np.load(EPISODES) as saved:
         for name, array in saved.items():
             title, field = name.split("/")
-            is_text = field == "pictures"
-            value = base64.b64encode(array.tobytes()).decode() if is_text else array.tolist()
+            value = packed(array) if field == "pictures" else array.tolist()
             shown.setdefault(title, {})[field] = value
     for film in shown.values():
         film["world"] = as_seen_from_start(film["world"])

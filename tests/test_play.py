@@ -128,6 +128,8 @@ def test_the_page_has_every_policy_of_a_maze(data):
     assert sum(map(len, data["policies"].values())) == len(known)
     for policies in data["policies"].values():
         assert next(iter(policies)) == SEARCHED
+        for network in policies.values():
+            assert len(unpacked(network)) == 1746
     ours = unpacked(data["policies"]["US"][SEARCHED])
     vector = load_pretrained("CuriosityES", "CuriosityMaze-US-v0").vector
     np.testing.assert_array_equal(ours, vector)

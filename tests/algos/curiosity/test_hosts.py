@@ -129,6 +129,15 @@ class TestEveryBonus:
         assert threads == {1}
 
 
+def test_seeds_decide(host):
+    made = [host.make(bonus="rnd", seed=seed) for seed in (0, 0, 1)]
+    weights = [next(each.bonus.parameters()).detach().numpy().copy() for each in made]
+    values = [host.collect(each, 0) for each in made]
+    for one, twin, other in (weights, values):
+        np.testing.assert_array_equal(one, twin)
+        assert not np.array_equal(one, other)
+
+
 class TestTraining:
     def test_so_many_steps_on_batches_of_what_came(self, host):
         bonus = Scored()

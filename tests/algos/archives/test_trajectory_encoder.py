@@ -128,7 +128,8 @@ class TestTraining:
 
 def test_what_a_trajectory_is_in_any_company():
     states = make_states(150)
-    encoder = make_encoder(states=states)
+    encoder, other = (make_encoder(states=states, seed=seed) for seed in (0, 1))
+    assert not np.array_equal(encoder.encode(states), other.encode(states))
     encoder.train(states)
     together = encoder.encode(states)
     np.testing.assert_array_equal(encoder.encode(states), together)

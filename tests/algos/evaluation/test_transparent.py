@@ -51,6 +51,8 @@ def test_envs_that_differ_in_their_limit_stay_together():
     assert as_played(alike) is alike.envs[0]
     different = DummyVecEnv([lambda n=n: limited(n) for n in (5, 6)])
     assert as_played(different) is different
+    mazes = DummyVecEnv([lambda n=n: MazeEnv(n) for n in ("hard", "snake")])
+    assert as_played(mazes) is mazes
     others = DummyVecEnv([lambda: gym.make("CartPole-v1")] * 2)
     assert as_played(others) is others
 

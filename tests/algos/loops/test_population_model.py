@@ -10,7 +10,15 @@ import pytest
 from saved_files import rewrite, with_about
 from stable_baselines3 import PPO
 
-from curiosity_algos import ICM, NSES, CanonicalES, CuriosityES, CuriosityMAPElites, MAPElites
+from curiosity_algos import (
+    AURORA,
+    ICM,
+    NSES,
+    CanonicalES,
+    CuriosityES,
+    CuriosityMAPElites,
+    MAPElites,
+)
 from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.loops.model_file import load_policy
 from curiosity_algos.state.file import read, save
@@ -49,6 +57,7 @@ def test_an_env_that_could_not_be_set_changes_none(make_model, make_easy_maze, p
     model.save(path)
     with pytest.raises(ValueError, match="`evaluator` must be given to `load`"):
         CanonicalES.load(path, make_easy_maze())
+    assert CanonicalES.load(path).evaluator is None  # which only plays
 
 
 class TestSave:
@@ -136,6 +145,21 @@ class TestLoad:
         for same in (None, {}, {"net_arch": (32, 16)}, {"net_arch": [32, 16]}):
             overrides = {"behavior": "final", "policy_kwargs": same}
             assert NSES.load(path, env=make_maze(), **overrides).generation == 1
+
+    @pytest.mark.parametrize(
+        ("algorithm", "other"),
+        [
+            (AURORA, {"latent_size": 3}),
+            (CanonicalES, {"normalize_observations": True}),
+            (MAPElites, {"n_cells": 3}),
+        ],
+    )
+    def test_so_does_what_parts_were_made_with(self, algorithm, other, make_model, make_maze, path):
+        make_model(algorithm, make_maze()).save(path)
+        with pytest.raises(
+            ValueError, match=f"^`{next(iter(other))}` must be left as it was saved"
+        ):
+            algorithm.load(path, **other)
 
     def test_stand_ins_of_rl_zoo3_are_ignored(self, saved, path):
         custom = {"learning_rate": 0.0, "lr_schedule": lambda _: 0.0, "clip_range": 1, "sigma": 0.1}

@@ -192,6 +192,7 @@ def test_wrappers_of_a_vec_env_have_their_settings():
     assert (normalize[0], normalize[1]["clip_obs"]) == ("VecNormalize", 5.0)
     assert bonus[0] == "BonusVecEnvWrapper"
     assert (bonus[1]["weight"], bonus[1]["buffer_size"]) == (0.5, 100_000)
+    check_differ(described, described | {"vec_env": {"n_envs": 3, "wrappers": dict([bonus])}})
 
 
 class TestGit:

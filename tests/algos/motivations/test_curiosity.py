@@ -132,6 +132,12 @@ class TestUpdate:
         np.testing.assert_array_equal(motivation.bonus.observed[0], expected)
 
 
+@pytest.mark.parametrize("wrong", [{"n_transitions": 0}, {"n_states": 0, "gamma": 1.0}])
+def test_errors_name_the_argument(wrong):
+    with pytest.raises(ValueError, match=f"`{next(iter(wrong))}` must be a whole number of at"):
+        make_motivation(**wrong)
+
+
 def test_spaces_are_enough():
     observation_space = spaces.Box(-1, 1, (N_OBSERVATIONS,))
     motivation = CuriosityMotivation(observation_space, spaces.Discrete(3), n_updates=1)

@@ -49,6 +49,8 @@ def test_every_algorithm_and_task_has_settings(preset):
 
 
 def test_the_papers_td3_is_the_class_but_for_its_inputs():
+    own = {"bonus": "icm", "bonus_kwargs": {"normalize": False}}
+    assert load_preset("paper", "TD3ICM", HARD) == own
     kwargs = {"normalize": False, "learning_rate": 6e-6}
     assert TD3ICM.from_preset("paper", HARD).replay_buffer_kwargs["bonus_kwargs"] == kwargs
 

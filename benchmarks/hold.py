@@ -93,6 +93,8 @@ APT = {
     "repeat_action": 10,
     "settings": {"n_steps": 64},
 }
+GO_EXPLORE = {"algorithm": "go_explore"}
+ROOMS = {"env_kwargs": {"layout": "rooms-4x4-door8-seed10"}}
 TASKS = {
     "MountainCarContinuous": Task("MountainCarContinuous-v0", 3e6),
     "AntTrap": Task("CuriosityLocomotion-AntTrap-v0"),
@@ -115,6 +117,11 @@ TASKS = {
         )
         for name in ("Hard", "Labyrinth", "Snake", "US")
     },
+    **{
+        f"{name}, GoExplore": Task(f"CuriosityMaze-{name}-v0", 2e6, search=GO_EXPLORE)
+        for name in ("Hard", "Labyrinth", "Snake", "US")
+    },
+    "Rooms with doors of 8, GoExplore": Task("CuriosityMaze-v0", 2e6, search=GO_EXPLORE | ROOMS),
 }
 
 

@@ -16,7 +16,6 @@ from stable_baselines3.common.vec_env import VecTransposeImage
 from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.robust.demonstrations import Demonstration
 
-N_STEPS = 3_000
 BATCH_SIZE = 128
 LEARNING_RATE = 1e-3
 NOISE = 0.05
@@ -53,24 +52,34 @@ class Standardized(BaseFeaturesExtractor):
         self.normalizer.load_state_dict(self.ahead.state_dict())
 
 
+def standardize(model: OnPolicyAlgorithm, demonstrations: Sequence[Demonstration]) -> None:
+    """Let a policy that is `Standardized` be so by what demonstrations observe."""
+    if isinstance(extractor := model.policy.features_extractor, Standardized):
+        extractor.observe(_tensors(model, demonstrations)[0])
+        extractor.settle()
+
+
 def imitate(
-    model: OnPolicyAlgorithm, demonstrations: Sequence[Demonstration], *, n_steps: int, seed: int
+    model: OnPolicyAlgorithm,
+    demonstrations: Sequence[Demonstration],
+    *,
+    n_steps: int,
+    seed: int,
+    learning_rate: float = LEARNING_RATE,
 ) -> None:
     """Fit a policy's best actions to those of demonstrations.
 
     Args:
         model: Whose policy it is.
-        demonstrations: At least one. A policy that is `Standardized` is so by what they observe.
+        demonstrations: At least one.
         n_steps: Gradient steps.
         seed: Of the draws.
+        learning_rate: Of Adam.
     """
     observations, actions = _tensors(model, demonstrations)
     policy, deviation = model.policy, _noise_of(observations)
-    if isinstance(extractor := policy.features_extractor, Standardized):
-        extractor.observe(observations)
-        extractor.settle()
     fitted = [value for name, value in policy.named_parameters() if name != "log_std"]
-    optimizer = th.optim.Adam(fitted, lr=LEARNING_RATE)
+    optimizer = th.optim.Adam(fitted, lr=learning_rate)
     draws = np.random.default_rng(seed)
     for _ in range(n_steps):
         chosen = th.as_tensor(draws.choice(len(actions), BATCH_SIZE), device=model.device)

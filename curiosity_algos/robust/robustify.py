@@ -21,7 +21,7 @@ from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
-from curiosity_algos.robust.imitation import N_STEPS, Standardized, imitate
+from curiosity_algos.robust.imitation import Standardized, imitate, standardize
 from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
 from curiosity_algos.robust.watch import LOG_STD, SETTINGS, FrontBar, Watch
 from curiosity_algos.sb3.gymnasium_vec_env import open_batch
@@ -29,6 +29,8 @@ from curiosity_gym import RecordEpisode
 from curiosity_gym.validation import check_positive, check_seed, check_share
 
 N_ENVS = 32
+N_STEPS = 3_000
+"""Gradient steps that imitate to begin with."""
 POLICY_KWARGS: dict[str, Any] = {
     "net_arch": [128, 128],
     "log_std_init": LOG_STD,
@@ -179,8 +181,9 @@ class Training:
     def begin(self) -> None:
         """Imitate the demonstrations."""
         with single_torch_thread():
-            seed, demonstrations = self._imitation_seed, self.starts.demonstrations
-            imitate(self.model, demonstrations, n_steps=N_STEPS, seed=seed)
+            demonstrations = self.starts.demonstrations
+            standardize(self.model, demonstrations)
+            imitate(self.model, demonstrations, n_steps=N_STEPS, seed=self._imitation_seed)
 
     def learn(
         self, total_timesteps: float, callback: MaybeCallback = None, *, progress_bar: bool = False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,19 +9,29 @@ import numpy as np
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.found import is_success
 from curiosity_algos.robust.demonstrations import Demonstration, Start
-from curiosity_algos.sb3.gymnasium_vec_env import put
+from curiosity_algos.sb3.gymnasium_vec_env import put, take
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_seed, check_share
 
-N_RESULTS, N_SUCCESSES = 60, 21
-"""A front moves back once so many of the last episodes from near it have succeeded."""
-N_STRIDES = 40
-"""Moves from the end of a demonstration to its start."""
-BEHIND = 0.3
-"""Share of starts along a demonstration that are anywhere between the front and its end."""
+N_STRETCHES = 40
+"""Of a demonstration, each of the same number of steps."""
+GOOD = 0.35
+"""Share of episodes from a stretch that succeed, if the front may be there."""
+UNSEEN = 0.2
+"""What is taken for that share before there are episodes."""
+MEMORY = 20
+"""Episodes that the share is an average of, the last ones most."""
+AHEAD = 3
+"""Stretches ahead of the front that half of the starts are drawn from, and the front itself."""
+LEAST = 0.02
+"""Of the weight of a stretch: one that always fails or succeeds is tried now and then."""
+LATE, SLACK = 2, 100
+"""Times the steps of the demonstration that are left, and more steps, which end an episode."""
+HALF = 0.5
+"""Share of fresh episodes that succeed, from which on `good_steps` count."""
 FRESH = -1
 """The step of a start that is along no demonstration."""
 IS_FRESH = "is_fresh"
@@ -32,26 +41,27 @@ IS_FRESH = "is_fresh"
 class DemonstrationStarts(VecEnvWrapper):
     """Begins episodes along demonstrations: near their ends first, further back as they succeed.
 
-    The backward algorithm of Salimans & Chen 2018 (arXiv:1812.03381). Each demonstration has a
-    front, a step of it. Starts are drawn up to a stride and a half before it, three in ten from
-    anywhere behind it, and some are those of the environment itself. When 21 of the last 60
-    episodes from near the front have succeeded it moves back, in 40 strides to the start; once
-    21 of the last 60 from fresh starts have, it is there.
+    The backward algorithm of Salimans & Chen 2018 (arXiv:1812.03381), with starts where there is
+    most to learn (Florensa et al. 2017, arXiv:1707.05300). A demonstration has 40 stretches. Of
+    each, and of fresh starts, the share of the last episodes from there that succeeded is known.
+    The front is the first from which a third do, of fresh starts and the stretches. Half of the
+    starts are drawn from it and the three ahead of it. The others are fresh or from any stretch
+    behind, mostly those from which episodes succeed as often as they fail. The better fresh
+    episodes succeed the more there are: all, if all do. An episode is truncated after twice the
+    steps that the demonstration takes from there, and 100: failures do not fill the rollouts.
 
     Args:
         venv: A `GymnasiumVecEnv` of this package's own environments, or a DummyVecEnv of seeded
             ones, each in a `RecordEpisode`.
         demonstrations: At least one, of the same environment.
-        fresh: Share of starts that are the environment's own; all are once the fronts are at 0.
+        fresh: Share of starts that are the environment's own, at least.
         seed: Of the draws; None: fresh entropy.
 
     Attributes:
-        fronts: (n,) of each demonstration how many of its steps are ahead of its front.
-        near: Whether the last episodes from near the front succeeded, of each demonstration.
-        fresh_results: Whether the last 60 episodes from fresh starts did.
-        free_steps: Steps since all fronts have been at 0.
-        good_steps: Those of them while half of the last fresh episodes had succeeded.
-        idle_steps: Steps since a front last moved.
+        rates: (n, 41) of fresh starts and of the stretches of each demonstration, the share of
+            episodes from there that succeeded.
+        good_steps: Steps while at least half of the fresh episodes succeeded.
+        idle_steps: Steps since a front was last further back than ever.
 
     The last info of an episode says `is_fresh`.
 
@@ -64,7 +74,7 @@ class DemonstrationStarts(VecEnvWrapper):
         venv: VecEnv,
         demonstrations: Sequence[Demonstration],
         *,
-        fresh: float = 0.1,
+        fresh: float = 0.05,
         seed: int | None = None,
     ) -> None:
         check_share(fresh=fresh)
@@ -76,19 +86,38 @@ class DemonstrationStarts(VecEnvWrapper):
         self.fresh = fresh
         self._places = _places(venv, self.demonstrations)
         self._rng = np.random.default_rng(seed)
-        lengths = np.array([len(each) for each in demonstrations])
-        self._strides = np.ceil(lengths / N_STRIDES).astype(np.int64)
-        self.fronts = lengths - 1
-        self.near = [deque[bool](maxlen=N_RESULTS) for _ in demonstrations]
-        self.fresh_results = deque[bool](maxlen=N_RESULTS)
+        self._lengths = np.array([len(each) for each in demonstrations])
+        self._strides = -(-self._lengths // N_STRETCHES)
+        self._n_stretches = -(-self._lengths // self._strides)
+        self.rates = np.full((len(demonstrations), 1 + N_STRETCHES), UNSEEN)
+        self.rates[:, 0] = 0.0
+        self._furthest = self._front_columns()
         self._begun = np.full((self.num_envs, 2), FRESH)
         self._totals = np.zeros(self.num_envs)
-        self.free_steps, self.good_steps, self.idle_steps = 0, 0, 0
+        self._left = np.zeros(self.num_envs, dtype=np.int64)
+        self.good_steps, self.idle_steps = 0, 0
 
     @property
-    def is_free(self) -> bool:
-        """Whether every start is the environment's own by now."""
-        return not self.fronts.any()
+    def fresh_rate(self) -> float:
+        """The share of fresh episodes that succeeded."""
+        return float(self.rates[0, 0])
+
+    @property
+    def fronts(self) -> Int64Array:
+        """(n,) of each demonstration how many of its steps are ahead of its front."""
+        steps: Int64Array = np.maximum(self._front_columns() - 1, 0) * self._strides
+        return steps
+
+    @property
+    def near(self) -> Float64Array:
+        """(n,) the share of episodes from each front that succeeded."""
+        return np.take_along_axis(self.rates, self._front_columns()[:, None], axis=1)[:, 0]
+
+    def _front_columns(self) -> Int64Array:
+        """The column of each front in `rates`; the last stretch, if no other is good enough."""
+        is_last = np.arange(1 + N_STRETCHES) == self._n_stretches[:, None]
+        columns: Int64Array = ((self.rates >= GOOD) | is_last).argmax(axis=1)
+        return columns
 
     def reset(self) -> VecEnvObs:
         """Begin all episodes."""
@@ -100,10 +129,14 @@ class DemonstrationStarts(VecEnvWrapper):
         """End a step; where an episode ends another begins, along a demonstration or fresh."""
         observations, rewards, dones, infos = self.venv.step_wait()
         self._totals += rewards
+        self._left -= 1
         self.idle_steps += self.num_envs
-        if self.is_free:
-            self.free_steps += self.num_envs
-            self.good_steps += self.num_envs * (2 * sum(self.fresh_results) >= N_RESULTS)
+        self.good_steps += self.num_envs * int(self.fresh_rate >= HALF)
+        is_late = (self._left <= 0) & (self._begun[:, 1] != FRESH) & ~dones
+        for i in np.flatnonzero(is_late).tolist():
+            infos[i]["terminal_observation"] = take(observations, i)
+            infos[i]["TimeLimit.truncated"] = True
+        dones = dones | is_late
         ended = np.flatnonzero(dones).tolist()
         for i in ended:
             self._note(i, is_success(infos[i], self._totals[i]))
@@ -115,60 +148,70 @@ class DemonstrationStarts(VecEnvWrapper):
     def _note(self, i: int, success: bool) -> None:
         which, step = self._begun[i].tolist()
         if step == FRESH:
-            self.fresh_results.append(success)
-        elif abs(step - self.fronts[which]) <= 1.5 * self._strides[which]:
-            self.near[which].append(success)
+            rates = self.rates[:, :1]
+        else:
+            column = 1 + step // self._strides[which]
+            rates = self.rates[which, column : column + 1]
+        rates += (success - rates) / MEMORY
 
     def _move(self) -> None:
-        if sum(self.fresh_results) >= N_SUCCESSES:
-            self.fronts[:] = 0
-        for which, results in enumerate(self.near):
-            if sum(results) >= N_SUCCESSES:
-                self.fronts[which] = max(0, self.fronts[which] - self._strides[which])
-                results.clear()
-                self.idle_steps = 0
+        fronts = self._front_columns()
+        if (fronts < self._furthest).any():
+            self._furthest, self.idle_steps = np.minimum(fronts, self._furthest), 0
 
     def _begin(self, ids: Sequence[int], observations: VecEnvObs) -> None:
         """Draw the starts of episodes, go there, and write what is observed there."""
+        if not ids:
+            return
         starts = {i: self._draw() for i in ids}
-        for i, start in starts.items():
-            self._begun[i], self._totals[i] = start, 0.0
+        for i, (which, step) in starts.items():
+            self._begun[i], self._totals[i] = (which, step), 0.0
+            self._left[i] = LATE * (self._lengths[which] - step) + SLACK
         for i, observation in self._places.go(starts, self._rng).items():
             put(observations, i, observation)
 
     def _draw(self) -> tuple[int, int]:
         """A demonstration and a step of it, or `FRESH` both."""
         which = int(self._rng.integers(len(self.demonstrations)))
-        front = int(self.fronts[which])
-        if front == 0 or self._rng.random() < self.fresh:
+        column = int(self._rng.choice(1 + self._n_stretches[which], p=self._shares(which)))
+        if column == 0:
             return FRESH, FRESH
-        if self._rng.random() < BEHIND:
-            return which, int(self._rng.integers(front, len(self.demonstrations[which])))
-        before = int(self._rng.integers(1.5 * self._strides[which]))
-        return which, max(0, front - before)
+        stride, length = int(self._strides[which]), int(self._lengths[which])
+        first = (column - 1) * stride
+        return which, int(self._rng.integers(first, min(first + stride, length)))
+
+    def _shares(self, which: int) -> Float64Array:
+        """(1 + stretches,) of starts: fresh ones, and from the stretches of a demonstration."""
+        front = self._front_columns()[which]
+        first = max(0, front - AHEAD)
+        rates = self.rates[which, : 1 + self._n_stretches[which]]
+        weights = rates * (1.0 - rates) + LEAST
+        weights[1:first] = 0.0
+        shares: Float64Array = weights / weights.sum()
+        shares[first : front + 1] += 1.0 / (front + 1 - first)
+        fresh = max(self.fresh, self.fresh_rate)
+        shares *= (1.0 - fresh) / 2.0
+        shares[0] += fresh
+        return shares
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that a resumed run needs, but the environments below."""
         return {
-            "fronts": self.fronts.copy(),
-            "near": [list(results) for results in self.near],
-            "fresh_results": list(self.fresh_results),
+            "rates": self.rates.copy(),
+            "furthest": self._furthest.copy(),
             "begun": self._begun.copy(),
             "totals": self._totals.copy(),
-            "steps": [self.free_steps, self.good_steps, self.idle_steps],
+            "left": self._left.copy(),
+            "steps": [self.good_steps, self.idle_steps],
             "rng": self._rng.bit_generator.state,
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
-        self.fronts[:], self._begun[:] = state["fronts"], state["begun"]
-        for results, saved in zip(self.near, state["near"], strict=True):
-            results.clear()
-            results.extend(saved)
-        self.fresh_results.clear()
-        self.fresh_results.extend(state["fresh_results"])
-        self._totals[:] = state["totals"]
-        self.free_steps, self.good_steps, self.idle_steps = state["steps"]
+        self.rates[:] = state["rates"]
+        self._furthest, self._begun[:] = state["furthest"].copy(), state["begun"]
+        self._totals[:], self._left[:] = state["totals"], state["left"]
+        self.good_steps, self.idle_steps = state["steps"]
         self._rng.bit_generator.state = state["rng"]
 
 
@@ -198,7 +241,7 @@ class FreshMonitor(VecMonitor):
 
 
 def _places(venv: VecEnv, demonstrations: list[Demonstration]) -> _Restored | _Replayed:
-    """What brings environments to steps of demonstrations, or fresh starts."""
+    """What brings environments to steps of demonstrations, or fresh starts, by `go`."""
     batch = getattr(venv, "vector_env", None)
     if isinstance(batch, EpisodicVectorEnv):
         return _Restored(batch, demonstrations)
@@ -241,15 +284,17 @@ class _Restored:
         self._batch.reset()
 
     def go(self, starts: Mapping[int, tuple[int, int]], rng: np.random.Generator) -> dict[int, Any]:
-        placed = {i: start for i, start in starts.items() if start[1] != FRESH}
-        if not placed:
-            return {}
+        is_fresh = np.zeros(self._batch.num_envs, dtype=np.bool_)
+        is_fresh[[i for i, (_, step) in starts.items() if step == FRESH]] = True
+        if is_fresh.any():  # a late episode was still open
+            self._batch.reset(options={"reset_mask": is_fresh})
         state = self._batch.state_dict()
-        for i, (which, step) in placed.items():
-            for name, value in self._states[which][step].items():
-                state[name][i] = value
+        for i, (which, step) in starts.items():
+            if step != FRESH:
+                for name, value in self._states[which][step].items():
+                    state[name][i] = value
         self._batch.load_state_dict(state)
-        return {i: state["observations"][i] for i in placed}
+        return {i: state["observations"][i] for i in starts}
 
 
 class _Replayed:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import torch as th
+from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 
-from curiosity_algos.robust.imitation import Standardized
+from curiosity_algos.robust.imitation import Standardized, imitate
 from curiosity_algos.robust.measure import N_STARTS, evaluate_starts, n_different
-from curiosity_algos.robust.starts import DemonstrationStarts
+from curiosity_algos.robust.starts import HALF, DemonstrationStarts
 from curiosity_algos.sb3.settle import SMALLEST_LOG_STD, shrink_steps
 
 SETTINGS: dict[str, Any] = {
@@ -25,6 +25,8 @@ SETTINGS: dict[str, Any] = {
     "clip_range": 0.2,
 }
 """Of PPO."""
+N_MORE, MORE_RATE = 10, 1e-4
+"""Gradient steps between two rollouts, and their learning rate, which imitate further."""
 SHRINKING = 1_200_000
 """Timesteps in which steps shrink by 1 / e, once half of fresh episodes succeed: a constant rate
 forgets, and one that shrinks before learns no more."""
@@ -32,14 +34,12 @@ LOG_STD = -0.5
 """Most of actions' draws, which shrink as steps do."""
 TEST_INTERVAL, SHORT_INTERVAL = 250_000, 30_000
 """Timesteps between two tests of whether the policy works by now; where one episode tells it."""
-NEARLY = 0.5
-"""Drawn actions that succeed so much less often than was asked for are not tested."""
 STUCK = 2_000_000
-"""Timesteps without a move of a front that end the training."""
+"""Timesteps without a front further back than ever, which end the training."""
 
 
 class Watch(BaseCallback):
-    """Standardizes observations, shrinks the steps, logs the fronts, and ends the training.
+    """Standardizes observations, imitates, shrinks the steps, logs, and ends the training.
 
     It remembers nothing from rollout to rollout that the model and `DemonstrationStarts` do not
     know, and changes them when a rollout begins: callbacks that save come before it.
@@ -48,8 +48,10 @@ class Watch(BaseCallback):
         starts: Of the episodes.
         env: To test the policy in.
         success: Share of starts that is enough.
-        seed: Of the starts of the first test.
+        seed: Of the starts of the first test, and of what is imitated.
     """
+
+    model: PPO
 
     def __init__(
         self,
@@ -69,8 +71,21 @@ class Watch(BaseCallback):
         extractor = self.model.policy.features_extractor
         if isinstance(extractor, Standardized):
             extractor.settle()
+        self._imitate()
         self._shrink()
         self._is_over = self._is_stuck() or self._works()
+
+    def _imitate(self) -> None:
+        """Go on with what is ahead of the fronts: what PPO learns behind them unlearns it."""
+        starts = self.starts
+        ahead = [
+            each.until(int(front))
+            for each, front in zip(starts.demonstrations, starts.fronts, strict=True)
+            if front > 0
+        ]
+        if ahead:
+            seed = self.seed + self.model.num_timesteps
+            imitate(self.model, ahead, n_steps=N_MORE, learning_rate=MORE_RATE, seed=seed)
 
     def _shrink(self) -> None:
         share = math.exp(-self.starts.good_steps / SHRINKING)
@@ -84,7 +99,7 @@ class Watch(BaseCallback):
 
     def _is_stuck(self) -> bool:
         starts = self.starts
-        is_stuck = not starts.is_free and starts.idle_steps >= STUCK
+        is_stuck = starts.idle_steps >= STUCK and not starts.good_steps
         if is_stuck:
             ahead = ", ".join(map(str, starts.fronts))
             warnings.warn(
@@ -97,11 +112,11 @@ class Watch(BaseCallback):
 
     def _works(self) -> bool:
         """Whether the policy succeeds as often as was asked for, if it is time to test it."""
-        free, rollout = self.starts.free_steps, SETTINGS["n_steps"] * self.starts.num_envs
+        good, rollout = self.starts.good_steps, SETTINGS["n_steps"] * self.starts.num_envs
         interval = TEST_INTERVAL if self.n > 1 else SHORT_INTERVAL
-        n_tests = free // interval
-        is_time = n_tests > max(0, free - rollout) // interval
-        if not is_time or share_of(self.starts.fresh_results) < self.success - NEARLY:
+        n_tests = good // interval
+        is_time = n_tests > max(0, good - rollout) // interval
+        if not is_time or self.starts.fresh_rate < HALF:
             return False
         seed = self.seed + 2 * n_tests * N_STARTS
         share = self._test(seed)
@@ -146,11 +161,6 @@ def progress_of(starts: DemonstrationStarts) -> dict[str, float]:
     lengths = np.array([len(each) for each in starts.demonstrations])
     return {
         "front": float(np.mean(starts.fronts / lengths)),
-        "near": float(np.mean([share_of(results) for results in starts.near])),
-        "fresh": share_of(starts.fresh_results),
+        "near": float(starts.near.mean()),
+        "fresh": starts.fresh_rate,
     }
-
-
-def share_of(results: Sequence[bool]) -> float:
-    """The share of episodes that succeeded; 0 of none."""
-    return sum(results) / len(results) if results else 0.0

@@ -113,9 +113,9 @@ class GymnasiumVecEnv(VecEnv):
         given = places if n_given == self.num_envs else np.arange(n_given)
         first = info_rows(infos, n_given)
         for i, j in zip(places.tolist(), given.tolist(), strict=True):
-            rows[i]["terminal_observation"] = _take(observations, i)
+            rows[i]["terminal_observation"] = take(observations, i)
             self.reset_infos[i] = first[j]
-            put(observations, i, _take(begun, j))
+            put(observations, i, take(begun, j))
 
     def close(self) -> None:
         self.vector_env.close()
@@ -180,10 +180,10 @@ def _check_begins_single_episodes(vector_env: VectorEnv[Any, Any, Any]) -> None:
         )
 
 
-def _take(observations: Any, i: int) -> Any:
+def take(observations: Any, i: int) -> Any:
     """A copy of number i of a batch of observations."""
     if isinstance(observations, dict):
-        return {name: _take(entry, i) for name, entry in observations.items()}
+        return {name: take(entry, i) for name, entry in observations.items()}
     return np.array(observations[i])
 
 

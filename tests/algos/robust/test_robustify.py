@@ -117,6 +117,19 @@ def test_returns_are_of_fresh_episodes_alone_and_the_learner_sees_them_scaled(sh
     np.testing.assert_allclose(last, module.RETURN / demonstration.total * returns, rtol=1e-4)
 
 
+def test_what_is_ahead_of_the_fronts_is_imitated_further(short, demonstration, monkeypatch):
+    training = module.Training(Walk, [demonstration] * 2, success=0.95, seed=0, device="cpu")
+    training.starts.rates[0, 4:] = 0.9
+    training.starts.rates[1, 1:] = 0.9
+    imitated = []
+    monkeypatch.setattr(watch, "imitate", lambda model, ahead, **_: imitated.extend(ahead))
+    training.learn(1)
+    training.env.close()
+    (ahead,) = imitated
+    assert len(ahead) == 3
+    np.testing.assert_array_equal(ahead.observations, demonstration.observations[:3])
+
+
 @pytest.mark.parametrize(("total", "scale"), [(0.5, 12.0), (-60.0, 0.1), (1e-9, 100.0), (0.0, 1.0)])
 def test_the_learner_sees_demonstrations_of_returns_of_the_size_of_six(demonstration, total, scale):
     assert module._scale([replace(demonstration, total=total)]) == pytest.approx(scale)
@@ -149,9 +162,8 @@ def test_steps_and_draws_shrink_together_and_draws_are_free_before(short, demons
 )
 def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, works):
     training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
-    training.starts.fronts[:] = 0
-    training.starts.free_steps = watch.TEST_INTERVAL
-    training.starts.fresh_results.extend([True] * 60)
+    training.starts.rates[:, 0] = 1.0
+    training.starts.good_steps = watch.TEST_INTERVAL
     seeds, given = [], iter(shares)
 
     def test(self, seed):
@@ -166,7 +178,7 @@ def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, w
 
 
 @pytest.mark.parametrize(
-    ("n", "free_steps", "is_tested"),
+    ("n", "good_steps", "is_tested"),
     [
         (1, 24_576, False),
         (1, 32_768, True),
@@ -176,13 +188,12 @@ def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, w
     ],
 )
 def test_where_one_episode_tells_it_a_policy_is_tested_more_often(
-    demonstration, monkeypatch, n, free_steps, is_tested
+    demonstration, monkeypatch, n, good_steps, is_tested
 ):
     monkeypatch.setattr(watch, "n_different", lambda env: n)
     training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
-    training.starts.fronts[:] = 0
-    training.starts.free_steps = free_steps
-    training.starts.fresh_results.extend([True] * 60)
+    training.starts.rates[:, 0] = 1.0
+    training.starts.good_steps = good_steps
     monkeypatch.setattr(watch.Watch, "_test", lambda self, seed: 1.0)
     training.learn(1)
     training.env.close()

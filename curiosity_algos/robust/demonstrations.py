@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -48,14 +48,6 @@ class Demonstration:
     def __len__(self) -> int:
         """Steps of the episode."""
         return len(self.actions)
-
-    def until(self, n: int) -> Demonstration:
-        """Its first n steps."""
-        seen = self.observations
-        first = (
-            {key: part[:n] for key, part in seen.items()} if isinstance(seen, dict) else seen[:n]
-        )
-        return replace(self, actions=self.actions[:n], observations=first)
 
 
 def demonstrate(policy: Any, env: gym.Env[Any, Any], seed: int) -> Demonstration:

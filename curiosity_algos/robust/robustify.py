@@ -59,8 +59,8 @@ def robustify(
 
     The second phase of Go-Explore (Ecoffet et al. 2021): PPO begins by imitating the episodes.
     Its own begin near their ends first, see `DemonstrationStarts`, and further back as they
-    succeed. Once all starts are those of the environment, and half of the episodes succeed, its
-    steps shrink, until it succeeds as often as was asked for.
+    succeed. While half of the fresh episodes do, its steps shrink and it is tested, until it
+    succeeds as often as was asked for.
 
     `curiosity robustify` keeps the training in a folder, and continues it there.
 
@@ -84,7 +84,7 @@ def robustify(
             out of its range.
 
     Warns:
-        UserWarning: If the front has not moved for two million steps, which ends the training.
+        UserWarning: If no front has come further back in two million steps: that ends the training.
     """
     check_training(success, seed, total_timesteps=total_timesteps)
     make = maker_of(model, env)

@@ -17,11 +17,11 @@ from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
 from curiosity_gym.validation import check_seed, check_share
 
 N_STRETCHES = 40
-"""Of a demonstration, each of the same number of steps."""
+"""Of a demonstration at most, of the same number of steps each but the last."""
 GOOD = 0.35
 """Share of episodes from a stretch that succeed, if the front may be there."""
-UNSEEN = 0.2
-"""What is taken for that share before there are episodes."""
+PRIOR = 0.2
+"""What is taken for that share before there are episodes; 0 of fresh ones."""
 MEMORY = 20
 """Episodes that the share is an average of, the last ones most."""
 AHEAD = 3
@@ -30,8 +30,6 @@ LEAST = 0.02
 """Of the weight of a stretch: one that always fails or succeeds is tried now and then."""
 LATE, SLACK = 2, 100
 """Times the steps of the demonstration that are left, and more steps, which end an episode."""
-HALF = 0.5
-"""Share of fresh episodes that succeed, from which on `good_steps` count."""
 FRESH = -1
 """The step of a start that is along no demonstration."""
 IS_FRESH = "is_fresh"
@@ -42,13 +40,14 @@ class DemonstrationStarts(VecEnvWrapper):
     """Begins episodes along demonstrations: near their ends first, further back as they succeed.
 
     The backward algorithm of Salimans & Chen 2018 (arXiv:1812.03381), with starts where there is
-    most to learn (Florensa et al. 2017, arXiv:1707.05300). A demonstration has 40 stretches. Of
-    each, and of fresh starts, the share of the last episodes from there that succeeded is known.
-    The front is the first from which a third do, of fresh starts and the stretches. Half of the
-    starts are drawn from it and the three ahead of it. The others are fresh or from any stretch
-    behind, mostly those from which episodes succeed as often as they fail. The better fresh
-    episodes succeed the more there are: all, if all do. An episode is truncated after twice the
-    steps that the demonstration takes from there, and 100: failures do not fill the rollouts.
+    most to learn (Florensa et al. 2017, arXiv:1707.05300). A demonstration has up to 40
+    stretches. Of each, and of fresh starts, the share of the last episodes from there that
+    succeeded is known. The front is the first from which a third do, of fresh starts and the
+    stretches. As large a share of starts as that of fresh episodes that succeed is fresh. Of the
+    others half are from the front and the three stretches ahead of it; half from there, fresh, or
+    from behind the front, mostly where episodes succeed as often as they fail. An episode along a
+    demonstration is truncated after twice the steps that are left of it, and 100: then those that
+    fail do not fill the rollouts.
 
     Args:
         venv: A `GymnasiumVecEnv` of this package's own environments, or a DummyVecEnv of seeded
@@ -60,8 +59,8 @@ class DemonstrationStarts(VecEnvWrapper):
     Attributes:
         rates: (n, 41) of fresh starts and of the stretches of each demonstration, the share of
             episodes from there that succeeded.
-        good_steps: Steps while at least half of the fresh episodes succeeded.
-        idle_steps: Steps since a front was last further back than ever.
+        idle_steps: Steps since a front last moved further back, or all were at fresh starts.
+        good_steps: What `robustify` counts: steps in which enough fresh episodes succeeded.
 
     The last info of an episode says `is_fresh`.
 
@@ -89,7 +88,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self._lengths = np.array([len(each) for each in demonstrations])
         self._strides = -(-self._lengths // N_STRETCHES)
         self._n_stretches = -(-self._lengths // self._strides)
-        self.rates = np.full((len(demonstrations), 1 + N_STRETCHES), UNSEEN)
+        self.rates = np.full((len(demonstrations), 1 + N_STRETCHES), PRIOR)
         self.rates[:, 0] = 0.0
         self._furthest = self._front_columns()
         self._begun = np.full((self.num_envs, 2), FRESH)
@@ -104,7 +103,7 @@ class DemonstrationStarts(VecEnvWrapper):
 
     @property
     def fronts(self) -> Int64Array:
-        """(n,) of each demonstration how many of its steps are ahead of its front."""
+        """(n,) of each demonstration how many of its steps are ahead of its front, or 0: none."""
         steps: Int64Array = np.maximum(self._front_columns() - 1, 0) * self._strides
         return steps
 
@@ -131,7 +130,6 @@ class DemonstrationStarts(VecEnvWrapper):
         self._totals += rewards
         self._left -= 1
         self.idle_steps += self.num_envs
-        self.good_steps += self.num_envs * int(self.fresh_rate >= HALF)
         is_late = (self._left <= 0) & (self._begun[:, 1] != FRESH) & ~dones
         for i in np.flatnonzero(is_late).tolist():
             infos[i]["terminal_observation"] = take(observations, i)
@@ -139,7 +137,7 @@ class DemonstrationStarts(VecEnvWrapper):
         dones = dones | is_late
         ended = np.flatnonzero(dones).tolist()
         for i in ended:
-            self._note(i, is_success(infos[i], self._totals[i]))
+            self._note(i, is_success(infos[i], 0.0 if is_late[i] else self._totals[i]))
             infos[i][IS_FRESH] = bool(self._begun[i, 1] == FRESH)
         self._move()
         self._begin(ended, observations)
@@ -156,8 +154,10 @@ class DemonstrationStarts(VecEnvWrapper):
 
     def _move(self) -> None:
         fronts = self._front_columns()
-        if (fronts < self._furthest).any():
-            self._furthest, self.idle_steps = np.minimum(fronts, self._furthest), 0
+        if (fronts < self._furthest).any() or not fronts.any():
+            self.idle_steps = 0
+        # A front that was there by luck is forgotten.
+        self._furthest = np.minimum(fronts, np.maximum(self._furthest, fronts - AHEAD))
 
     def _begin(self, ids: Sequence[int], observations: VecEnvObs) -> None:
         """Draw the starts of episodes, go there, and write what is observed there."""
@@ -166,7 +166,8 @@ class DemonstrationStarts(VecEnvWrapper):
         starts = {i: self._draw() for i in ids}
         for i, (which, step) in starts.items():
             self._begun[i], self._totals[i] = (which, step), 0.0
-            self._left[i] = LATE * (self._lengths[which] - step) + SLACK
+            if step != FRESH:
+                self._left[i] = LATE * (self._lengths[which] - step) + SLACK
         for i, observation in self._places.go(starts, self._rng).items():
             put(observations, i, observation)
 
@@ -209,7 +210,7 @@ class DemonstrationStarts(VecEnvWrapper):
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave."""
         self.rates[:] = state["rates"]
-        self._furthest, self._begun[:] = state["furthest"].copy(), state["begun"]
+        self._furthest[:], self._begun[:] = state["furthest"], state["begun"]
         self._totals[:], self._left[:] = state["totals"], state["left"]
         self.good_steps, self.idle_steps = state["steps"]
         self._rng.bit_generator.state = state["rng"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -12,9 +13,10 @@ import torch as th
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 
+from curiosity_algos.robust.demonstrations import Demonstration
 from curiosity_algos.robust.imitation import Standardized, imitate
 from curiosity_algos.robust.measure import N_STARTS, evaluate_starts, n_different
-from curiosity_algos.robust.starts import HALF, DemonstrationStarts
+from curiosity_algos.robust.starts import GOOD, DemonstrationStarts
 from curiosity_algos.sb3.settle import SMALLEST_LOG_STD, shrink_steps
 
 SETTINGS: dict[str, Any] = {
@@ -28,12 +30,14 @@ SETTINGS: dict[str, Any] = {
 N_MORE, MORE_RATE = 10, 1e-4
 """Gradient steps between two rollouts, and their learning rate, which imitate further."""
 SHRINKING = 1_200_000
-"""Timesteps in which steps shrink by 1 / e, once half of fresh episodes succeed: a constant rate
-forgets, and one that shrinks before learns no more."""
+"""Good timesteps in which steps shrink by 1 / e: a constant rate forgets, and one that shrinks
+before learns no more."""
 LOG_STD = -0.5
 """Most of actions' draws, which shrink as steps do."""
 TEST_INTERVAL, SHORT_INTERVAL = 250_000, 30_000
-"""Timesteps between two tests of whether the policy works by now; where one episode tells it."""
+"""Good timesteps between two tests of whether the policy works; where one episode tells it."""
+NEARLY = 0.5
+"""Timesteps are good if drawn actions succeed from fresh starts so much less than is asked for."""
 STUCK = 2_000_000
 """Timesteps without a front further back than ever, which end the training."""
 
@@ -72,20 +76,30 @@ class Watch(BaseCallback):
         if isinstance(extractor, Standardized):
             extractor.settle()
         self._imitate()
+        is_time = self._count()
         self._shrink()
-        self._is_over = self._is_stuck() or self._works()
+        self._is_over = self._is_stuck() or (is_time and self._works())
 
     def _imitate(self) -> None:
         """Go on with what is ahead of the fronts: what PPO learns behind them unlearns it."""
         starts = self.starts
         ahead = [
-            each.until(int(front))
+            _first(int(front), each)
             for each, front in zip(starts.demonstrations, starts.fronts, strict=True)
             if front > 0
         ]
         if ahead:
             seed = self.seed + self.model.num_timesteps
             imitate(self.model, ahead, n_steps=N_MORE, learning_rate=MORE_RATE, seed=seed)
+
+    def _count(self) -> bool:
+        """Count the steps of a good rollout; whether it is time to test the policy."""
+        starts, rollout = self.starts, SETTINGS["n_steps"] * self.starts.num_envs
+        if not self.model.num_timesteps or starts.fresh_rate < max(GOOD, self.success - NEARLY):
+            return False
+        starts.good_steps += rollout
+        interval = TEST_INTERVAL if self.n > 1 else SHORT_INTERVAL
+        return bool(starts.good_steps % interval < rollout)
 
     def _shrink(self) -> None:
         share = math.exp(-self.starts.good_steps / SHRINKING)
@@ -99,26 +113,20 @@ class Watch(BaseCallback):
 
     def _is_stuck(self) -> bool:
         starts = self.starts
-        is_stuck = starts.idle_steps >= STUCK and not starts.good_steps
+        is_stuck = starts.idle_steps >= STUCK
         if is_stuck:
             ahead = ", ".join(map(str, starts.fronts))
             warnings.warn(
-                f"The front has not moved for {STUCK:,} steps, {ahead} steps of the demonstrations "
-                "are ahead of it: training ends with what there is. Longer actions, as of "
-                "gymnasium.wrappers.RepeatAction, shorten demonstrations.",
+                f"The front has not come further back in {STUCK:,} steps, {ahead} steps of the "
+                "demonstrations are ahead of it: training ends with what there is. Longer actions, "
+                "as of gymnasium.wrappers.RepeatAction, shorten demonstrations.",
                 stacklevel=2,
             )
         return is_stuck
 
     def _works(self) -> bool:
-        """Whether the policy succeeds as often as was asked for, if it is time to test it."""
-        good, rollout = self.starts.good_steps, SETTINGS["n_steps"] * self.starts.num_envs
-        interval = TEST_INTERVAL if self.n > 1 else SHORT_INTERVAL
-        n_tests = good // interval
-        is_time = n_tests > max(0, good - rollout) // interval
-        if not is_time or self.starts.fresh_rate < HALF:
-            return False
-        seed = self.seed + 2 * n_tests * N_STARTS
+        """Whether the policy succeeds as often as was asked for."""
+        seed = self.seed + self.model.num_timesteps  # others than at the last test
         share = self._test(seed)
         if share >= self.success and self.n > 1:  # once may be luck
             share = min(share, self._test(seed + N_STARTS))
@@ -154,6 +162,13 @@ class FrontBar(ProgressBarCallback):
     def _on_rollout_end(self) -> None:
         progress = {name: f"{share:.0%}" for name, share in progress_of(self.starts).items()}
         self.pbar.set_postfix(progress)
+
+
+def _first(n: int, demonstration: Demonstration) -> Demonstration:
+    """The first n steps, to be imitated."""
+    seen = demonstration.observations
+    first = {key: part[:n] for key, part in seen.items()} if isinstance(seen, dict) else seen[:n]
+    return replace(demonstration, actions=demonstration.actions[:n], observations=first)
 
 
 def progress_of(starts: DemonstrationStarts) -> dict[str, float]:

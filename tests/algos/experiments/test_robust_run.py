@@ -112,7 +112,7 @@ def test_a_front_that_stands_still_ends_the_training(monkeypatch):
             observation, _, _, truncated, info = super().step(action)
             return observation, 0.0, False, truncated, info | {"is_success": False}
 
-    with pytest.warns(UserWarning, match="The front has not moved for 2,048 steps"):
+    with pytest.warns(UserWarning, match="The front has not come further back in 2,048 steps"):
         model = robustify.robustify([away], Unmoved, total_timesteps=1e5, seed=0, device="cpu")
     assert model.num_timesteps < 10_000
 

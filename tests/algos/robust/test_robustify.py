@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch as th
 from stable_baselines3 import PPO
+from stable_baselines3.common.logger import configure
 from walk import Right, Walk
 
 from curiosity_algos import CuriosityES
@@ -17,6 +18,7 @@ from curiosity_algos.robust import watch
 from curiosity_algos.robust.demonstrations import demonstrate, demonstrations_of
 from curiosity_algos.robust.measure import evaluate_starts
 from curiosity_algos.robust.robustify import robustify
+from curiosity_gym import RecordEpisode
 
 
 @pytest.fixture
@@ -157,13 +159,31 @@ def test_steps_and_draws_shrink_together_and_draws_are_free_before(short, demons
     training.env.close()
 
 
+@pytest.fixture
+def at_a_rollout(short, demonstration):
+    """Calls a training's watch at the start of a rollout, with a rate of fresh episodes."""
+    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
+
+    def call(fresh_rate, success=0.95, n=100):
+        training.starts.rates[:, 0] = fresh_rate
+        observer = watch.Watch(training.starts, RecordEpisode(Walk()), success=success, seed=5)
+        observer.n = n
+        observer.init_callback(training.model)
+        training.model.num_timesteps += 1_024
+        training.model._logger = configure(None, [])
+        observer._on_rollout_start()
+        return observer._is_over
+
+    yield call, training.starts
+    training.env.close()
+
+
 @pytest.mark.parametrize(
     ("shares", "works"), [([0.9], False), ([1.0, 0.9], False), ([1.0] * 2, True)]
 )
-def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, works):
-    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
-    training.starts.rates[:, 0] = 1.0
-    training.starts.good_steps = watch.TEST_INTERVAL
+def test_a_policy_works_if_it_passes_twice(at_a_rollout, monkeypatch, shares, works):
+    call, starts = at_a_rollout
+    starts.good_steps = watch.TEST_INTERVAL - 1_024
     seeds, given = [], iter(shares)
 
     def test(self, seed):
@@ -171,33 +191,32 @@ def test_a_policy_works_if_it_passes_twice(demonstration, monkeypatch, shares, w
         return next(given)
 
     monkeypatch.setattr(watch.Watch, "_test", test)
-    training.learn(1)
-    training.env.close()
+    assert call(1.0) == works
     assert len({*seeds}) == len(shares)
-    assert (training.model.num_timesteps < 1_000) == works
+
+
+@pytest.mark.parametrize(("n", "interval"), [(1, watch.SHORT_INTERVAL), (9, watch.TEST_INTERVAL)])
+def test_a_policy_is_tested_once_at_each_mark_of_good_steps(at_a_rollout, monkeypatch, n, interval):
+    call, starts = at_a_rollout
+    seeds = []
+    monkeypatch.setattr(watch.Watch, "_test", lambda self, seed: seeds.append(seed) or 0.0)
+    starts.good_steps = 3 * interval - 2 * 1_024
+    for fresh_rate, n_tests in [(0.9, 0), (0.1, 0), (0.9, 1), (0.1, 1), (0.46, 1), (0.9, 1)]:
+        call(fresh_rate, n=n)
+        assert len(seeds) == n_tests
+    starts.good_steps = 4 * interval - 1_024
+    call(0.9, n=n)
+    assert abs(seeds[1] - seeds[0]) >= 200
 
 
 @pytest.mark.parametrize(
-    ("n", "good_steps", "is_tested"),
-    [
-        (1, 24_576, False),
-        (1, 32_768, True),
-        (1, 40_960, False),
-        (1, 65_536, True),
-        (9, 32_768, False),
-    ],
+    ("success", "rate", "is_good"),
+    [(0.95, 0.44, False), (0.95, 0.46, True), (0.3, 0.34, False), (0.3, 0.36, True)],
 )
-def test_where_one_episode_tells_it_a_policy_is_tested_more_often(
-    demonstration, monkeypatch, n, good_steps, is_tested
-):
-    monkeypatch.setattr(watch, "n_different", lambda env: n)
-    training = module.Training(Walk, [demonstration], success=0.95, seed=0, device="cpu")
-    training.starts.rates[:, 0] = 1.0
-    training.starts.good_steps = good_steps
-    monkeypatch.setattr(watch.Watch, "_test", lambda self, seed: 1.0)
-    training.learn(1)
-    training.env.close()
-    assert (training.model.num_timesteps < 1_000) == is_tested
+def test_steps_are_good_if_fresh_episodes_nearly_succeed(at_a_rollout, success, rate, is_good):
+    call, starts = at_a_rollout
+    call(rate, success)
+    assert starts.good_steps == 1_024 * is_good
 
 
 def test_a_search_demonstrates_by_its_best_policy_and_by_elites(make_easy_maze):

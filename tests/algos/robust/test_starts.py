@@ -105,14 +105,6 @@ def test_all_starts_are_fresh_if_all_fresh_episodes_succeed(kind):
     assert starts.fronts[0] == 0
 
 
-def test_steps_are_good_while_half_of_the_fresh_episodes_succeed(kind):
-    starts = make(kind)
-    for rate, good_steps in [(0.49, 0), (0.5, N), (0.2, N)]:
-        starts.rates[:, 0] = rate
-        play(starts, 1, go_on)
-        assert starts.good_steps == good_steps
-
-
 def test_a_front_that_fails_moves_forward_again(kind, monkeypatch):
     monkeypatch.setattr("curiosity_algos.robust.starts.MEMORY", 3)
     starts = make(kind)
@@ -123,15 +115,36 @@ def test_a_front_that_fails_moves_forward_again(kind, monkeypatch):
     assert starts.idle_steps >= 199 * N
 
 
-def test_idle_steps_are_since_a_front_was_further_back_than_ever():
+def test_idle_steps_are_since_a_front_moved_further_back():
     demonstration = Walks().demonstration()
     starts = DemonstrationStarts(Walks().venv(), [demonstration] * 2, seed=0)
-    for places, idle_steps in [((5, 5), 0), ((7, 4), 0), ((5, 5), 9), ((6, 3), 0)]:
+    moves = [((5, 5), 0), ((7, 4), 0), ((5, 5), 9), ((6, 3), 0), ((8, 8), 9), ((6, 4), 0)]
+    for places, idle_steps in [*moves, ((0, 0), 0), ((0, 0), 0), ((3, 3), 9)]:
         starts.rates[:] = 0.0
         starts.rates[[0, 1], places] = 0.9
         starts.idle_steps = 9
         starts._move()
         assert starts.idle_steps == idle_steps
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_an_episode_that_is_cut_has_failed_whatever_it_was_paid(told):
+    class Paid(Walk):
+        def step(self, action):
+            observation, reward, terminated, truncated, info = super().step(action)
+            if terminated or told:
+                return observation, reward + 0.1, terminated, truncated, info
+            return observation, 0.1, False, truncated, {}
+
+    demonstration = demonstrate(Right(), Paid(), seed=3)
+    venv = DummyVecEnv([lambda: RecordEpisode(Paid())] * N)
+    starts = DemonstrationStarts(venv, [demonstration], seed=0)
+    starts.reset()
+    starts._left[:] = 1
+    starts.rates[:] = 0.9
+    starts.step(np.full((N, 1), -1.0, np.float32))
+    assert starts.rates.min() < 0.9
+    assert starts.rates.max() == 0.9
 
 
 def test_starts_are_at_the_front_fresh_or_where_most_is_learned():

@@ -103,7 +103,7 @@ class DemonstrationStarts(VecEnvWrapper):
 
     @property
     def fronts(self) -> Int64Array:
-        """(n,) of each demonstration how many of its steps are ahead of its front, or 0: none."""
+        """(n,) of each demonstration how many of its steps are ahead of its front."""
         steps: Int64Array = np.maximum(self._front_columns() - 1, 0) * self._strides
         return steps
 

@@ -140,7 +140,8 @@ class DemonstrationStarts(VecEnvWrapper):
             self._note(i, is_success(infos[i], 0.0 if is_late[i] else self._totals[i]))
             infos[i][IS_FRESH] = bool(self._begun[i, 1] == FRESH)
         self._move()
-        self._begin(ended, observations)
+        if ended:
+            self._begin(ended, observations)
         return observations, rewards, dones, infos
 
     def _note(self, i: int, success: bool) -> None:
@@ -161,8 +162,6 @@ class DemonstrationStarts(VecEnvWrapper):
 
     def _begin(self, ids: Sequence[int], observations: VecEnvObs) -> None:
         """Draw the starts of episodes, go there, and write what is observed there."""
-        if not ids:
-            return
         starts = {i: self._draw() for i in ids}
         for i, (which, step) in starts.items():
             self._begun[i], self._totals[i] = (which, step), 0.0
@@ -285,17 +284,21 @@ class _Restored:
         self._batch.reset()
 
     def go(self, starts: Mapping[int, tuple[int, int]], rng: np.random.Generator) -> dict[int, Any]:
-        is_fresh = np.zeros(self._batch.num_envs, dtype=np.bool_)
-        is_fresh[[i for i, (_, step) in starts.items() if step == FRESH]] = True
-        if is_fresh.any():  # a late episode was still open
-            self._batch.reset(options={"reset_mask": is_fresh})
-        state = self._batch.state_dict()
-        for i, (which, step) in starts.items():
-            if step != FRESH:
+        along = {i: start for i, start in starts.items() if start[1] != FRESH}
+        fresh = [i for i in starts if i not in along]
+        seen: dict[int, Any] = {}
+        if fresh:  # a late episode was still open
+            mask = np.isin(np.arange(self._batch.num_envs), fresh)
+            begun, _ = self._batch.reset(options={"reset_mask": mask})
+            seen.update((i, begun[i]) for i in fresh)
+        if along:
+            state = self._batch.state_dict()
+            for i, (which, step) in along.items():
                 for name, value in self._states[which][step].items():
                     state[name][i] = value
-        self._batch.load_state_dict(state)
-        return {i: state["observations"][i] for i in starts}
+            self._batch.load_state_dict(state)
+            seen.update((i, state["observations"][i]) for i in along)
+        return seen
 
 
 class _Replayed:

@@ -64,4 +64,5 @@ html_math_renderer = "mathml"
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["cards.js"]
 html_title = f"{project} {release}"

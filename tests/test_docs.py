@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from browser import needs_chromium, run_in_page
 from gymnasium.spaces import Box
 from latex2mathml.converter import convert
 
@@ -172,3 +173,34 @@ def test_code_is_no_wider_than_its_page():
     lines = "".join(block.findall("\n".join(page.read_text() for page in pages))).splitlines()
     assert len(lines) > 1000
     assert [line for line in lines if len(line) > 90] == []
+
+
+TABLES = """<!doctype html><html><head><meta name="viewport" content="width=device-width">
+<style>{style}</style></head><body>
+<div><table class="docutils"><thead><tr><th><p>a</p></th><th><p>b</p></th></tr></thead>
+<tbody><tr><td><p>1</p></td><td><p>2</p></td></tr></tbody></table></div>
+<div><table class="docutils"><thead><tr>{names}</tr></thead>
+<tbody><tr>{values}</tr></tbody></table></div><script>{script}</script></body></html>"""
+DEALT = """
+addEventListener("load", () => {
+  const tables = [...document.querySelectorAll("table")];
+  const cell = tables[1].tBodies[0].rows[0].cells[8];
+  document.body.dataset.said = JSON.stringify([
+    ...tables.map((table) => table.classList.contains("cards")),
+    cell.dataset.column, cell.getBoundingClientRect().right <= innerWidth ]);
+});
+"""
+
+
+@needs_chromium
+@pytest.mark.parametrize(("width", "is_narrow"), [(500, True), (1300, False)])
+def test_a_table_too_wide_for_a_narrow_screen_becomes_cards(width, is_narrow, tmp_path):
+    page = tmp_path / "page.html"
+    text = TABLES.format(
+        style=(DOCS / "_static" / "site.css").read_text(),
+        script=(DOCS / "_static" / "cards.js").read_text(),
+        names="".join(f"<th><p>wide_column_{i}</p></th>" for i in range(9)),
+        values="".join(f"<td><p>{i}</p></td>" for i in range(9)),
+    )
+    page.write_text(text)
+    assert run_in_page(page, DEALT, width) == [False, is_narrow, "wide_column_8", True]

@@ -23,7 +23,7 @@ from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
 from curiosity_algos.robust.imitation import Standardized, imitate, standardize
 from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
-from curiosity_algos.robust.watch import LOG_STD, SETTINGS, FrontBar, Watch
+from curiosity_algos.robust.watch import LOG_STD, SETTINGS, FrontBar, Watch, gamma_of
 from curiosity_algos.sb3.gymnasium_vec_env import open_batch
 from curiosity_gym import RecordEpisode
 from curiosity_gym.validation import check_positive, check_seed, check_share
@@ -60,7 +60,8 @@ def robustify(
     The second phase of Go-Explore (Ecoffet et al. 2021): PPO begins by imitating the episodes.
     Its own begin near their ends first, see `DemonstrationStarts`, and further back as they
     succeed. While half of the fresh episodes do, its steps shrink and it is tested, until it
-    succeeds as often as was asked for.
+    succeeds as often as was asked for. A success pays it at least what a demonstration's last step
+    does, however late it comes.
 
     `curiosity robustify` keeps the training in a folder, and continues it there.
 
@@ -77,7 +78,8 @@ def robustify(
         verbose: As in SB3.
 
     Returns:
-        The model of Stable-Baselines3. Its policy takes observations as they are.
+        The model of Stable-Baselines3. Its policy takes observations as they are. Its learning
+        rate, clip range and discount are those of its last step.
 
     Raises:
         ValueError: If no episode succeeded, one does not come to the same again, or an argument is
@@ -174,9 +176,10 @@ class Training:
             stack.callback(venv.close)
             self.starts = DemonstrationStarts(venv, demonstrations, seed=starts_seed)
             stack.pop_all()
-        self.env = FreshMonitor(self.starts, scale=_scale(demonstrations))
+        last, scale = self.starts.last_reward, _scale(demonstrations)
+        self.env = FreshMonitor(self.starts, last, scale=scale)
         with single_torch_thread():  # orthogonal weights, too, differ in last bits with more
-            self.model = _make_ppo(self.env, _gamma(demonstrations), seed=ppo_seed, **learner)
+            self.model = _make_ppo(self.env, gamma_of(demonstrations), seed=ppo_seed, **learner)
 
     def begin(self) -> None:
         """Imitate the demonstrations."""
@@ -211,12 +214,6 @@ def _make_ppo(venv: VecEnv, gamma: float, **learner: Any) -> PPO:
         del policy_kwargs["features_extractor_class"]
     name = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "MlpPolicy"
     return PPO(name, venv, policy_kwargs=policy_kwargs, gamma=gamma, **SETTINGS, **learner)
-
-
-def _gamma(demonstrations: Sequence[Demonstration]) -> float:
-    """A discount that sees a third beyond the end of the longest demonstration, up to 2,000."""
-    longest = max(len(each) for each in demonstrations)
-    return float(np.clip(1.0 - 0.75 / longest, 0.99, 0.9995))
 
 
 def _scale(demonstrations: Sequence[Demonstration]) -> float:

@@ -59,6 +59,7 @@ class DemonstrationStarts(VecEnvWrapper):
     Attributes:
         rates: (n, 41) of fresh starts and of the stretches of each demonstration, the share of
             episodes from there that succeeded.
+        last_reward: What the last steps of the demonstrations paid, on average.
         idle_steps: Steps since a front last moved further back, or all were at fresh starts.
         good_steps: What `robustify` counts: steps in which enough fresh episodes succeeded.
 
@@ -84,6 +85,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self.demonstrations = list(demonstrations)
         self.fresh = fresh
         self._places = _places(venv, self.demonstrations)
+        self.last_reward = float(np.mean(self._places.last_rewards))
         self._rng = np.random.default_rng(seed)
         self._lengths = np.array([len(each) for each in demonstrations])
         self._strides = -(-self._lengths // N_STRETCHES)
@@ -216,23 +218,36 @@ class DemonstrationStarts(VecEnvWrapper):
 
 
 class FreshMonitor(VecMonitor):
-    """Records the fresh episodes of `DemonstrationStarts`: of others the beginning is missing.
+    """Rewards a learner by success, and records the fresh episodes of `DemonstrationStarts`.
+
+    A task that rewards speed would have the learner trade successes for it. So the last step of a
+    success pays at least what the last steps of the demonstrations did. A fresh episode that runs
+    out of time without success counts as ended. Of episodes along a demonstration the beginning is
+    missing: their infos name no return and no success.
 
     Args:
         venv: The `DemonstrationStarts`.
+        last_reward: What the last steps of the demonstrations paid, on average.
         scale: What the learner's rewards are multiplied by; records are of the rewards themselves.
     """
 
-    def __init__(self, venv: VecEnv, *, scale: float = 1.0) -> None:
+    def __init__(self, venv: VecEnv, last_reward: float, *, scale: float = 1.0) -> None:
         super().__init__(venv)
-        self.scale = scale
+        self.last_reward, self.scale = last_reward, scale
 
     def step_wait(self) -> VecEnvStepReturn:
-        """End a step; infos name returns and successes of fresh episodes alone."""
+        """End a step."""
         observations, rewards, dones, infos = super().step_wait()
-        for info in infos:
-            if not info.get(IS_FRESH, True):
-                info.pop("episode", None)
+        rewards = rewards.copy()
+        for i in np.flatnonzero(dones).tolist():
+            info, is_fresh = infos[i], infos[i].get(IS_FRESH, True)
+            success = is_success(info, info["episode"]["r"])
+            if success and not info.get("TimeLimit.truncated", False):
+                rewards[i] = max(rewards[i], self.last_reward)
+            elif is_fresh and not success:
+                info["TimeLimit.truncated"] = False
+            if not is_fresh:
+                info.pop("episode")
                 info.pop("is_success", None)
         return observations, self.scale * rewards, dones, infos
 
@@ -258,6 +273,7 @@ class _Restored:
 
     def __init__(self, batch: EpisodicVectorEnv, demonstrations: list[Demonstration]) -> None:
         self._batch = batch
+        self.last_rewards: list[float] = []
         self._states = [self._follow(demonstration) for demonstration in demonstrations]
 
     def _follow(self, demonstration: Demonstration) -> list[dict[str, Array]]:
@@ -271,6 +287,7 @@ class _Restored:
             _, rewards, *_ = self._batch.step(np.repeat(action[None], n, axis=0))
             total += float(rewards[0])
         _check(demonstration, total)
+        self.last_rewards.append(float(rewards[0]))
         return states
 
     def _reset(self, start: Start) -> None:
@@ -306,9 +323,12 @@ class _Replayed:
 
     def __init__(self, venv: DummyVecEnv, demonstrations: list[Demonstration]) -> None:
         self._venv, self._demonstrations = venv, demonstrations
+        self.last_rewards = []
         for demonstration in demonstrations:
-            _, total = self._replay(0, demonstration.start, demonstration.actions)
+            start, actions = demonstration.start, demonstration.actions
+            before, total = (self._replay(0, start, taken)[1] for taken in (actions[:-1], actions))
             _check(demonstration, total)
+            self.last_rewards.append(total - before)
 
     def _replay(self, i: int, start: Start, actions: Any) -> tuple[Any, float]:
         found: tuple[Any, float] = self._venv.env_method("replay", start, actions, indices=i)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -32,6 +33,8 @@ N_MORE, MORE_RATE = 10, 1e-4
 SHRINKING = 1_200_000
 """Good timesteps in which steps shrink by 1 / e: a constant rate forgets, and one that shrinks
 before learns no more."""
+FARTHER = 4.0
+"""Times as far as before the discount sees, at most, while steps shrink: near ones favor speed."""
 LOG_STD = -0.5
 """Most of actions' draws, which shrink as steps do."""
 TEST_INTERVAL, SHORT_INTERVAL = 250_000, 30_000
@@ -43,7 +46,7 @@ STUCK = 2_000_000
 
 
 class Watch(BaseCallback):
-    """Standardizes observations, imitates, shrinks the steps, logs, and ends the training.
+    """Standardizes observations, imitates, shrinks steps and discounting, logs, ends the training.
 
     It remembers nothing from rollout to rollout that the model and `DemonstrationStarts` do not
     know, and changes them when a rollout begins: callbacks that save come before it.
@@ -105,6 +108,8 @@ class Watch(BaseCallback):
         share = math.exp(-self.starts.good_steps / SHRINKING)
         sizes = {name: SETTINGS[name] for name in ("learning_rate", "clip_range")}
         shrink_steps(self.model, share, **sizes)
+        nearness = (1.0 - gamma_of(self.starts.demonstrations)) * max(share, 1.0 / FARTHER)
+        self.model.gamma = self.model.rollout_buffer.gamma = 1.0 - nearness
         deviation = getattr(self.model.policy, "log_std", None)
         if isinstance(deviation, th.Tensor) and self.starts.good_steps:
             log_std = LOG_STD - self.starts.good_steps / SHRINKING
@@ -162,6 +167,12 @@ class FrontBar(ProgressBarCallback):
     def _on_rollout_end(self) -> None:
         progress = {name: f"{share:.0%}" for name, share in progress_of(self.starts).items()}
         self.pbar.set_postfix(progress)
+
+
+def gamma_of(demonstrations: Sequence[Demonstration]) -> float:
+    """A discount that sees a third beyond the end of the longest demonstration, up to 2,000."""
+    longest = max(len(each) for each in demonstrations)
+    return float(np.clip(1.0 - 0.75 / longest, 0.99, 0.9995))
 
 
 def _first(n: int, demonstration: Demonstration) -> Demonstration:

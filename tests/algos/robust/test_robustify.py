@@ -112,11 +112,16 @@ def test_returns_are_of_fresh_episodes_alone_and_the_learner_sees_them_scaled(sh
     ended = [(reward, info) for reward, info in seen if "is_fresh" in info]
     for _, info in ended:
         assert info["is_fresh"] == ("episode" in info) == ("is_success" in info)
-    fresh = [(reward, info["episode"]["r"]) for reward, info in ended if info["is_fresh"]]
+    fresh = [
+        (reward, info["episode"]["r"], info["is_success"])
+        for reward, info in ended
+        if info["is_fresh"]
+    ]
     assert 0 < len(fresh) < len(ended)
-    last, returns = np.array(fresh).T
-    assert returns.max() > 0.0
-    np.testing.assert_allclose(last, module.RETURN / demonstration.total * returns, rtol=1e-4)
+    last, returns, success = np.array(fresh).T
+    assert success.any()
+    worth = np.where(success, np.maximum(returns, demonstration.total), 0.0)
+    np.testing.assert_allclose(last, module.RETURN / demonstration.total * worth, rtol=1e-4)
 
 
 def test_what_is_ahead_of_the_fronts_is_imitated_further(short, demonstration, monkeypatch):
@@ -140,7 +145,7 @@ def test_the_learner_sees_demonstrations_of_returns_of_the_size_of_six(demonstra
 @pytest.mark.parametrize(("steps", "horizon"), [(3, 100), (300, 400), (9_000, 2_000)])
 def test_the_discount_sees_a_third_beyond_a_demonstration(demonstration, steps, horizon):
     long = replace(demonstration, actions=np.zeros((steps, 1)))
-    assert 1.0 / (1.0 - module._gamma([long])) == pytest.approx(horizon)
+    assert 1.0 / (1.0 - watch.gamma_of([long])) == pytest.approx(horizon)
 
 
 def test_steps_and_draws_shrink_together_and_draws_are_free_before(short, demonstration):
@@ -149,6 +154,9 @@ def test_steps_and_draws_shrink_together_and_draws_are_free_before(short, demons
     training.learn(1)
     assert training.model.lr_schedule(1.0) == pytest.approx(watch.SETTINGS["learning_rate"] / np.e)
     assert 0.05 < training.model.clip_range(1.0) < 0.2
+    horizon = np.e / (1.0 - watch.gamma_of([demonstration]))
+    for discounting in (training.model, training.model.rollout_buffer):
+        assert 1.0 / (1.0 - discounting.gamma) == pytest.approx(horizon)
     log_std = training.model.policy.log_std
     assert log_std.item() == pytest.approx(watch.LOG_STD - 1.0, abs=0.05)
     for good_steps, wide, expected in [(0, 0.5, 0.5), (10**9, 0.5, watch.SMALLEST_LOG_STD)]:

@@ -1,13 +1,15 @@
 """Starts along demonstrations, restored and replayed."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from walk import HORIZON, Right, Walk
 
 from curiosity_algos.robust.demonstrations import demonstrate
-from curiosity_algos.robust.starts import FRESH, DemonstrationStarts
+from curiosity_algos.robust.starts import FRESH, IS_FRESH, DemonstrationStarts, FreshMonitor
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
 from curiosity_gym import MazeLayout, RecordEpisode
 from curiosity_gym.maze.maze_env import MazeEnv, MazeVectorEnv
@@ -228,3 +230,55 @@ def test_mistakes_are_one_sentence():
 def demonstrate_backwards():
     ahead = Mazes().demonstration()
     return type(ahead)(ahead.start, -ahead.actions, ahead.observations, ahead.total, success=True)
+
+
+class Ending(gym.Env):
+    """Episodes of two steps of the same reward, which end as it is told."""
+
+    observation_space, action_space = Box(-1.0, 1.0, (1,)), Box(-1.0, 1.0, (1,))
+
+    def __init__(self, reward, is_terminated, info):
+        self.reward, self.is_terminated, self.info = reward, is_terminated, info
+
+    def reset(self, **_):
+        self.is_last = True
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self.is_last = not self.is_last
+        ends = self.is_terminated and self.is_last, not self.is_terminated and self.is_last
+        return np.zeros(1, np.float32), self.reward, *ends, dict(self.info) if self.is_last else {}
+
+
+@pytest.mark.parametrize(
+    ("reward", "is_terminated", "info", "expected", "is_out_of_time"),
+    [
+        (0.25, True, {"is_success": True}, 1.5, False),  # pays as much as the demonstrations
+        (2.0, True, {"is_success": True}, 4.0, False),  # pays more than they
+        (0.25, True, {}, 1.5, False),  # a return above 0 is a success
+        (0.25, False, {"is_success": True}, 0.5, True),  # might have gone on
+        (0.25, False, {"is_success": False}, 0.5, False),  # time that is over is the end
+        (0.25, False, {"is_success": False, IS_FRESH: False}, 0.5, True),  # but of fresh ones alone
+        (0.25, True, {"is_success": True, IS_FRESH: False}, 1.5, False),
+        (-0.5, True, {"is_success": False}, -1.0, False),
+    ],
+)
+def test_a_learner_is_rewarded_by_success(reward, is_terminated, info, expected, is_out_of_time):
+    venv = DummyVecEnv([lambda: Ending(reward, is_terminated, info)])
+    monitor = FreshMonitor(venv, 0.75, scale=2.0)
+    monitor.reset()
+    _, before, *_ = monitor.step(np.zeros((1, 1)))
+    assert before == 2.0 * reward
+    _, (seen,), _, (said,) = monitor.step(np.zeros((1, 1)))
+    assert seen == expected
+    assert said["TimeLimit.truncated"] == is_out_of_time
+    is_fresh = info.get(IS_FRESH, True)
+    assert ("episode" in said) == is_fresh
+    if is_fresh:
+        assert said["episode"]["r"] == 2 * reward
+
+
+def test_what_the_last_steps_of_demonstrations_paid_is_known(kind):
+    starts = make(kind)
+    (demonstration,) = starts.demonstrations
+    assert starts.last_reward == pytest.approx(demonstration.total)  # it is all there is

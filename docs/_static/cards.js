@@ -16,8 +16,8 @@ addEventListener("load", () => {
     if (!tHead) continue;
     const names = [...tHead.rows[0].cells].map((cell) => cell.textContent.trim());
     for (const { cells } of [...tBodies].flatMap((body) => [...body.rows]))
-      [...cells].forEach((cell, i) => { cell.dataset.column = names[i]; });
+      [...cells].forEach((cell, i) => { cell.dataset.column = names[i] ?? ""; });
   }
   deal();
 });
-NARROW.addEventListener("change", deal);
+addEventListener("resize", deal);

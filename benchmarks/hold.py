@@ -1,7 +1,8 @@
 """From how many unseen starts policies succeed: `python -m benchmarks.hold`, `run` or `collect`.
 
 A search finds episodes, `robustify` trains a policy by them, and both are tested from the same 100
-starts. Runs are in `runs/hold/TASK/SEED`; what was interrupted continues.
+starts; `alone` trains PPO with APT for as many steps as both took. Runs are in
+`runs/hold/TASK/SEED`; what was interrupted continues.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import gymnasium as gym
 import numpy as np
 import pandas as pd
 import typer
+from gymnasium.wrappers import RepeatAction
 from PIL import Image, ImageSequence
 from stable_baselines3 import PPO
 
@@ -22,7 +24,7 @@ from benchmarks.figures import IMAGES
 from benchmarks.gallery import with_few_colors
 from benchmarks.measure import markdown
 from benchmarks.pretrained import FOLDER as PACKAGE
-from benchmarks.results import FOLDER, add_rows, read_runs
+from benchmarks.results import FOLDER, add_rows, read_rows, read_runs
 from curiosity_algos import CuriosityES, evaluate_starts
 from curiosity_algos.experiments import film
 from curiosity_algos.experiments.loading import Run
@@ -83,6 +85,7 @@ class Perturbed(gym.Wrapper[Any, Any, Any, Any]):
         return (observation + noise).astype(observation.dtype)
 
 
+MAZES = ("Hard", "Labyrinth", "Snake", "US")
 RANDOM = {"env_kwargs": {"random_start": True}}
 WITHIN_2, WITHIN_20 = ({"env_kwargs": {"start_radius": radius}} for radius in (2.0, 20.0))
 APT = {
@@ -93,6 +96,16 @@ APT = {
     "repeat_action": 10,
     "settings": {"n_steps": 64},
 }
+ALONE = {
+    "algorithm": "ppo",
+    "bonus": "apt",
+    "n_envs": 16,
+    "repeat_action": 10,
+    "settings": {"n_steps": 64},
+}
+"""The recipe of the documentation."""
+WEIGHTS = {"MountainCarContinuous-v0": 2.0}
+"""Of APT alone where a solved episode earns some hundred times more."""
 GO_EXPLORE = {"algorithm": "go_explore"}
 ROOMS = {"env_kwargs": {"layout": "rooms-4x4-door8-seed10"}}
 TASKS = {
@@ -104,8 +117,9 @@ TASKS = {
     "Hard, PPO + APT": Task("CuriosityMaze-Hard-v0", 3e5, 2e6, APT),
     **{
         f"{name} within 20": Task(f"CuriosityMaze-{name}-v0", 1e7, search=WITHIN_20)
-        for name in ("Hard", "US")
+        for name in ("Hard", "Snake", "US")
     },
+    "Labyrinth within 20": Task("CuriosityMaze-Labyrinth-v0", 2e6, search=GO_EXPLORE | WITHIN_20),
     "A maze with loops within 20": Task(
         "CuriosityMaze-v0",
         1e7,
@@ -115,11 +129,11 @@ TASKS = {
         f"{name}, perturbed": Task(
             f"CuriosityMaze-{name}-v0", 1e7, 1e7, WITHIN_2, is_perturbed=True
         )
-        for name in ("Hard", "Labyrinth", "Snake", "US")
+        for name in MAZES
     },
     **{
         f"{name}, GoExplore": Task(f"CuriosityMaze-{name}-v0", 2e6, search=GO_EXPLORE)
-        for name in ("Hard", "Labyrinth", "Snake", "US")
+        for name in MAZES
     },
     "Rooms with doors of 8, GoExplore": Task("CuriosityMaze-v0", 2e6, search=GO_EXPLORE | ROOMS),
 }
@@ -140,10 +154,28 @@ def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None
 
 
 @app.command()
+def alone(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None:
+    """Train PPO with APT for as many steps as a search and `robustify` took, or go on."""
+    folder, chosen = runs / task / str(seed), TASKS[task]
+    row = _row(folder)
+    actions = (row["search_timesteps"] + row["timesteps"]) // ALONE["repeat_action"]
+    settings: Any = {
+        **ALONE,
+        "bonus_kwargs": {"weight": WEIGHTS.get(chosen.env, 0.02)},
+        "env_kwargs": chosen.search.get("env_kwargs", {}),
+        "settle": actions / 5,
+    }
+    spec = RunSpec(env=chosen.env, seed=seed, timesteps=actions, **settings)
+    train(spec, folder / "alone", interval=interval)
+
+
+@app.command()
 def keep(task: str, seed: int, runs: Path = RUNS) -> None:
     """Write the policy of a run into the package, for `curiosity enjoy --pretrained ppo`."""
-    if "env_kwargs" in TASKS[task].search:
-        raise typer.BadParameter("must be of an environment by its id alone.", param_hint="TASK")
+    search = TASKS[task].search
+    if search.get("env_kwargs", {}).keys() - {"start_radius"} or "repeat_action" in search:
+        message = "must be of an environment as its id makes it; starts may be others."
+        raise typer.BadParameter(message, param_hint="TASK")
     model = PPO.load(_model(runs / task / str(seed) / "robust"), device="cpu")
     states = model.policy.state_dict()
     path = PACKAGE / f"PPO_{TASKS[task].env}.npz"
@@ -162,11 +194,32 @@ def picture(out: Path = IMAGES) -> None:
 
 @app.command()
 def collect(runs: Path = RUNS, out: Path = FOLDER) -> None:
-    """Add what runs came to, finished or not, to `hold.csv`."""
-    found = sorted(path.parents[1] for path in runs.glob("*/*/robust/run.json"))
-    ended = [each for each in found if Run(each / "robust").result.get("starts")]
-    rows = [_row(folder) for folder in ended if folder.parent.name in TASKS]
+    """Add what runs came to, finished or not, to `hold.csv` and `hold_alone.csv`."""
+    rows = [_row(folder) for folder in _folders(runs, "robust")]
     add_rows(pd.DataFrame(rows), out / "hold.csv", KEYS)
+    if rows := [_row_alone(folder) for folder in _folders(runs, "alone")]:
+        add_rows(pd.DataFrame(rows), out / "hold_alone.csv", KEYS)
+
+
+def _folders(runs: Path, part: str) -> list[Path]:
+    """Those of tasks and seeds whose policies were tested, and that have a part of that name."""
+    found = sorted(path.parents[1] for path in runs.glob(f"*/*/{part}/run.json"))
+    tested = [each for each in found if Run(each / "robust").result.get("starts")]
+    return [each for each in tested if each.parent.name in TASKS]
+
+
+def _row_alone(folder: Path) -> dict[str, Any]:
+    run, task = Run(folder / "alone"), TASKS[folder.parent.name]
+    env: Any = gym.make(task.env, **task.search.get("env_kwargs", {}))
+    env = RepeatAction(Perturbed(env) if task.is_perturbed else env, ALONE["repeat_action"])
+    n = Run(folder / "robust").result["starts"]["n"]
+    return {
+        "task": folder.parent.name,
+        "seed": int(folder.name),
+        "timesteps": ALONE["repeat_action"] * run.result["timesteps"],
+        "seconds": run.result["seconds"],
+        "solved": int(evaluate_starts(PPO.load(_model(folder / "alone")), env, n).success.sum()),
+    }
 
 
 def _row(folder: Path) -> dict[str, Any]:
@@ -216,8 +269,8 @@ def _model(run: Path) -> Path:
 
 
 FORMATS = {
-    "Episode (steps)": ("demonstration", "{:.0f}"),
     "The search's best policy": ("search_solved", "{:.0f}"),
+    "PPO + APT alone": ("alone", "{:.0f}"),
     "After `robustify`": ("solved", "{:.0f}"),
     "Timesteps (M)": ("timesteps", "{:.2f}"),
     "Minutes": ("seconds", "{:.1f}"),
@@ -225,12 +278,20 @@ FORMATS = {
 """Columns of the table: their data, in millions or minutes, and how they are written."""
 
 
+def _each(numbers: pd.Series[Any], form: str) -> str:
+    """Seed by seed; empty if nothing was measured."""
+    texts = ["-" if np.isnan(number) else form.format(number) for number in numbers]
+    return " / ".join(texts) if numbers.notna().any() else ""
+
+
 def table(values: pd.DataFrame) -> str:
     """A row for each task: of unseen starts those that are solved, seed by seed."""
     values = values.assign(timesteps=values["timesteps"] / 1e6, seconds=values["seconds"] / 60)
+    apart = read_rows("hold_alone").set_index(KEYS)["solved"].rename("alone")
+    values = values.join(apart, on=KEYS)
     rows = []
     for (task, n_starts), runs in values.groupby(["task", "starts"], sort=False):
-        cells = [" / ".join(runs[name].map(form.format)) for name, form in FORMATS.values()]
+        cells = [_each(runs[name], form) for name, form in FORMATS.values()]
         searched = f"{runs['search_timesteps'].median() / 1e6:.2g} M"
         rows.append([f"{task}, {searched}, of {n_starts}", *cells])
     return markdown(["Task, steps of the search, of so many starts", *FORMATS], rows)

@@ -235,12 +235,19 @@ def test_a_task_is_searched_trained_tested_and_collected(tmp_path, monkeypatch):
     task = hold.Task("CuriosityMaze-v0", 1e5, 1, {"env_kwargs": maze}, is_perturbed=True)
     monkeypatch.setattr(hold, "TASKS", {"easy": task})
     hold.run("easy", 3, runs=tmp_path)
+    hold.alone("easy", 3, runs=tmp_path)
     hold.collect(runs=tmp_path, out=tmp_path)
     (row,) = pd.read_csv(tmp_path / "hold.csv").to_dict("records")
     assert (row["task"], row["seed"], row["starts"]) == ("easy", 3, 100)
     assert 0 < row["search_solved"] <= 100
     assert row["timesteps"] == 8192
-    assert hold.table(pd.DataFrame([row])).count("\n") == 2
+    (alone,) = pd.read_csv(tmp_path / "hold_alone.csv").to_dict("records")
+    total = row["search_timesteps"] + row["timesteps"]
+    assert total - 10 < alone["timesteps"] < total + 20_000
+    assert 0 <= alone["solved"] <= 100
+    monkeypatch.setattr(hold, "read_rows", lambda name: pd.read_csv(tmp_path / f"{name}.csv"))
+    rows = pd.DataFrame([row, row | {"seed": 4}])
+    assert f"| {alone['solved']} / - |" in hold.table(rows)
 
 
 def test_mazes_are_perturbed_a_little():

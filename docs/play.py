@@ -19,10 +19,13 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch as th
+from stable_baselines3.common.policies import ActorCriticPolicy
 
 import curiosity_gym  # noqa: F401  registers the ids
 from curiosity_algos import NSLC
 from curiosity_algos.common.arrays import Array
+from curiosity_algos.evaluation.policies import MlpPolicy
 from curiosity_algos.experiments.pretrained import PRETRAINED, load_pretrained
 from curiosity_gym.locomotion.worlds import GOAL_RADIUS, WORLDS
 from curiosity_gym.maze.maze_env import MazeEnv
@@ -33,6 +36,8 @@ FILES = {"DATA": "data.js", "ROBOTS": "robots_data.js"}
 SIDE = 10.0
 """Of the squares (maze units) of which an archive has one policy each."""
 BUILT_IN = ("US", "Hard", "Snake", "Labyrinth")
+FIRST = {"CuriosityES": 0, "PPO": 1}
+"""Algorithms that a page lists before others."""
 DRAWN = "loops-8x8-seed10"
 CONSTANTS = ("max_speed", "max_acceleration", "restitution", "goal_radius", "n_beams")
 
@@ -43,13 +48,13 @@ def data() -> dict[str, Any]:
     envs["One drawn at random"] = gym.make("CuriosityMaze-v0", layout=DRAWN)
     mazes = {name: described(env.unwrapped.layout) for name, env in envs.items()}
     policies: dict[str, dict[str, Any]] = {name: {} for name in BUILT_IN}
-    for algorithm, env_id in sorted(PRETRAINED, key=lambda pair: pair[0] != "CuriosityES"):
+    for algorithm, env_id in sorted(PRETRAINED, key=lambda pair: FIRST.get(pair[0], len(FIRST))):
         name = env_id.split("-")[1]
         if env_id.startswith("CuriosityMaze-"):
             policy = load_pretrained(algorithm, env_id)
-            weights = packed(policy.vector.astype("<f4"))
-            network = {"sizes": policy.mlp.sizes.tolist(), "weights": weights}
-            policies[name][f"{algorithm}, found by search"] = network
+            is_robust = isinstance(policy, ActorCriticPolicy)
+            said = "trained from many starts" if is_robust else "found by search"
+            policies[name][f"{algorithm}, {said}"] = (robust if is_robust else found)(policy)
     env = envs["US"].unwrapped
     keywords = inspect.signature(MazeEnv).parameters
     constants = {name: keywords[name].default for name in CONSTANTS}
@@ -59,6 +64,26 @@ def data() -> dict[str, Any]:
         "archives": archives(),
         "constants": constants,
         "horizon": env.horizon,
+    }
+
+
+def found(policy: MlpPolicy) -> dict[str, Any]:
+    """A network of ReLU and, at its end, tanh."""
+    return {"sizes": policy.mlp.sizes.tolist(), "weights": packed(policy.vector.astype("<f4"))}
+
+
+def robust(policy: ActorCriticPolicy) -> dict[str, Any]:
+    """A network of tanh whose inputs are standardized, without its values."""
+    layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+    linear = [layer for layer in layers if isinstance(layer, th.nn.Linear)]
+    parts = [part.detach().numpy() for layer in linear for part in (layer.weight.T, layer.bias)]
+    weights = np.concatenate([part.ravel() for part in parts])
+    normalizer = policy.features_extractor.normalizer
+    return {
+        "sizes": [layer.in_features for layer in linear] + [linear[-1].out_features],
+        "weights": packed(weights.astype("<f4")),
+        "mean": normalizer.mean.tolist(),
+        "scale": normalizer.scale.tolist(),
     }
 
 

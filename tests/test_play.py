@@ -1,7 +1,6 @@
 """The page that plays mazes in the browser computes what the packages do."""
 
 import base64
-import html
 import json
 import re
 import shutil
@@ -10,6 +9,7 @@ import subprocess
 import gymnasium as gym
 import numpy as np
 import pytest
+from browser import needs_chromium, run_in_page
 
 from curiosity_algos.evaluation.evaluator import make_evaluator
 from curiosity_algos.experiments.pretrained import load_pretrained
@@ -17,7 +17,8 @@ from docs import play
 
 N_STEPS = 1000
 STRIDE = 10
-SEARCHED = "CuriosityES, found by search"
+SEARCHED, TRAINED = "CuriosityES, found by search", "PPO, trained from many starts"
+COMPARED = {SEARCHED: "CuriosityES", TRAINED: "PPO"}
 SCRIPT = """
 const { Maze, act } = require(process.argv[1]);
 const { constants, cases, horizon } = JSON.parse(require("fs").readFileSync(0, "utf8"));
@@ -29,10 +30,11 @@ console.log(JSON.stringify(cases.map(({ layout, lidar_range, actions, policies }
     states.push([...state]);
     seen.push([...maze.observe(state)]);
   }
-  const episodes = policies.map(({ sizes, parameters }) => {
-    const weights = Float32Array.from(parameters), robot = [...layout.start, 0, 0], moves = [];
+  const episodes = policies.map((network) => {
+    const robot = [...layout.start, 0, 0], moves = [];
+    network.weights = Float32Array.from(network.weights);
     while (moves.length < horizon && !maze.isAtGoal(robot)) {
-      moves.push([...act(sizes, weights, maze.observe(robot))]);
+      moves.push([...act(network, maze.observe(robot))]);
       maze.step(robot, moves.at(-1));
     }
     return { moves, end: robot.slice(0, 2) };
@@ -41,7 +43,6 @@ console.log(JSON.stringify(cases.map(({ layout, lidar_range, actions, policies }
 })));
 """
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
-needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
 
 
 @pytest.fixture(scope="module")
@@ -75,17 +76,18 @@ def test_the_page_steps_as_the_kernel_does(data):
     walks = [walk(env, rng) for env in envs]
     cases = []
     for name, env, (actions, *_) in zip(play.BUILT_IN, envs, walks, strict=True):
-        known, archive = data["policies"][name][SEARCHED], data["archives"][name]
-        chosen = [(known["sizes"], unpacked(known))]
-        chosen += [(archive["sizes"], weights) for weights in unpacked(archive)[::STRIDE]]
+        known, archive = data["policies"][name], data["archives"][name]
+        chosen = [known[kind] | {"weights": unpacked(known[kind]).tolist()} for kind in COMPARED]
+        chosen += [
+            {"sizes": archive["sizes"], "weights": weights.tolist()}
+            for weights in unpacked(archive)[::STRIDE]
+        ]
         cases.append(
             {
                 "layout": data["mazes"][name],
                 "lidar_range": env.unwrapped.lidar_range,
                 "actions": actions.tolist(),
-                "policies": [
-                    {"sizes": sizes, "parameters": weights.tolist()} for sizes, weights in chosen
-                ],
+                "policies": chosen,
             }
         )
     given = {name: data[name] for name in ("constants", "horizon")} | {"cases": cases}
@@ -97,19 +99,26 @@ def test_the_page_steps_as_the_kernel_does(data):
     ):
         np.testing.assert_array_equal(np.float32(played["states"]), states.astype(np.float32))
         np.testing.assert_array_equal(np.float32(played["seen"]), seen)
-        found, *others = played["episodes"]
-        ends = np.array([episode["end"] for episode in others]) // play.SIDE
+        episodes = dict(zip(COMPARED, played["episodes"], strict=False))
+        ends = np.array([each["end"] for each in played["episodes"][len(COMPARED) :]]) // play.SIDE
         squares = np.array(data["archives"][name]["squares"][::STRIDE])
         assert (ends == squares).all(axis=1).mean() > 0.9, name
-        policy, terminated, moves = load_pretrained("CuriosityES", env.spec.id), False, []
-        observation, _ = env.reset()
-        while not terminated:
-            moves.append(policy.predict(observation, deterministic=True)[0])
-            observation, _, terminated, truncated, _ = env.step(moves[-1])
-            assert not truncated, name
-        # The exponential of another library may round otherwise.
-        np.testing.assert_allclose(found["moves"][:50], moves[:50], atol=1e-5)
-        assert abs(len(found["moves"]) - len(moves)) < 0.1 * len(moves)
+        for kind, algorithm in COMPARED.items():
+            found, moves = episodes[kind]["moves"], moves_of(algorithm, env)
+            # The exponential of another library may round otherwise.
+            np.testing.assert_allclose(found[:50], moves[:50], atol=1e-5)
+            assert abs(len(found) - len(moves)) < 0.1 * len(moves), (name, kind)
+
+
+def moves_of(algorithm, env):
+    """The actions of the package's policy until it comes to the goal."""
+    policy, terminated, moves = load_pretrained(algorithm, env.spec.id), False, []
+    observation, _ = env.reset()
+    while not terminated:
+        moves.append(policy.predict(observation, deterministic=True)[0])
+        observation, _, terminated, truncated, _ = env.step(moves[-1])
+        assert not truncated, (algorithm, env.spec.id)
+    return moves
 
 
 def test_the_page_asks_nobody_else(tmp_path):
@@ -127,9 +136,9 @@ def test_the_page_has_every_policy_of_a_maze(data):
     known = [env for _, env in play.PRETRAINED if env.startswith("CuriosityMaze-")]
     assert sum(map(len, data["policies"].values())) == len(known)
     for policies in data["policies"].values():
-        assert next(iter(policies)) == SEARCHED
-        for network in policies.values():
-            assert len(unpacked(network)) == 1746
+        assert list(policies)[:2] == list(COMPARED)
+        for kind, network in policies.items():
+            assert len(unpacked(network)) == (21506 if kind == TRAINED else 1746)
     ours = unpacked(data["policies"]["US"][SEARCHED])
     vector = load_pretrained("CuriosityES", "CuriosityMaze-US-v0").vector
     np.testing.assert_array_equal(ours, vector)
@@ -181,6 +190,13 @@ send("pointerdown", x, y); send("pointermove", x / 2, y); send("pointerup", x / 
 while (!episode.ended) play(episode);
 const end = episode.state.slice(0, 2).map((part) => Math.floor(part / archive().side));
 said.push(elite, end.join() === `${i},${j}`);
+const key = (name, more) =>
+  canvas.dispatchEvent(new KeyboardEvent("keydown", { key: name, ...more }));
+elite = null;
+for (const name of ["ArrowUp", "ArrowUp", "ArrowLeft"]) key(name);
+const square = archive().squares[elite];
+key("ArrowRight");
+said.push(isYou(), square, archive().squares[elite]);
 element.policy.selectedIndex = 0;
 element.policy.dispatchEvent(new Event("change"));
 hundred();
@@ -188,23 +204,20 @@ for (const one of others.episodes) while (!one.ended) play(one);
 told = 0;
 say();
 said.push(element.said.textContent, document.documentElement.scrollWidth <= innerWidth);
-canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
+for (const name of Object.keys(policies[element.maze.value]).slice(0, 2)) {
+  element.policy.value = name;
+  element.policy.dispatchEvent(new Event("change"));
+  element.disturb.click();
+  hundred();
+  for (const one of others.episodes) while (!one.ended) play(one);
+  said.push(others.episodes.filter((one) => one.arrived).length);
+  element.disturb.click();
+}
+key("ArrowLeft");
 said.push(actionOf(episode.seen).join(), element.hundred.disabled);
-canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "r", ctrlKey: true }));
+key("r", { ctrlKey: true });
 document.body.dataset.said = JSON.stringify(said);
 """
-
-
-def open_page(tmp_path, name, script, width):
-    """What a script says after it has run in a page."""
-    page = tmp_path / "play" / name
-    page.write_text(page.read_text().replace("</body>", f"<script>{script}</script></body>"))
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    options += ["--no-first-run", "--disable-sync", f"--user-data-dir={tmp_path / 'user'}"]
-    options += [f"--window-size={width},900", "--virtual-time-budget=3000", "--dump-dom"]
-    command = ["chromium", *options, page.as_uri()]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    return json.loads(html.unescape(re.search(r'data-said="(.*?)"', ran.stdout)[1]))
 
 
 @needs_chromium
@@ -212,19 +225,23 @@ def open_page(tmp_path, name, script, width):
 def test_the_page_plays_in_a_browser(width, data, tmp_path):
     n_elites = len(data["archives"]["US"]["squares"])
     play.write(tmp_path / "play")
-    said = open_page(tmp_path, "index.html", PLAYED, width)
+    said = run_in_page(tmp_path / "play" / "index.html", PLAYED, width)
     arrived, start, n_walls, refused, buried, *chosen = said
-    asked, is_idle, elite, is_there, hundred, fits, action, is_disabled = chosen
+    asked, is_idle, elite, is_there, is_you, square, beside, *chosen = chosen
+    hundred, fits, n_found, n_trained, action, is_disabled = chosen
     assert re.fullmatch(r"Arrived after \d+ steps: a return of 0\.\d+\.", arrived)
     assert start == "50,5"
     assert n_walls == 1  # the other one would bury the start
     assert refused == buried == "A wall must leave the start free, and that of the maze."
-    assert asked == "Click a square: a policy plays whose episode ended there."
+    assert asked.startswith("Click a square, or use the arrow keys: a policy plays whose episode")
     assert is_idle
     assert elite == n_elites - 1
     assert is_there
+    assert not is_you
+    assert beside[0] > square[0]
     assert re.search(r"Of 100 starts nearby \d+ arrived\.$", hundred)
     assert fits
+    assert n_found < 80 < n_trained  # where they are disturbed
     assert action == "-1,0"
     assert is_disabled
 
@@ -274,7 +291,7 @@ document.body.dataset.said = JSON.stringify(said);
 @pytest.mark.parametrize("width", [500, 1300])
 def test_the_page_shows_robots_in_a_browser(width, tmp_path):
     play.write(tmp_path / "play")
-    *said, fits = open_page(tmp_path, "robots.html", SEEN, width)
+    *said, fits = run_in_page(tmp_path / "play" / "robots.html", SEEN, width)
     for (title, film), is_drawn, text, torso in zip(
         play.robots().items(), said[::3], said[1::3], said[2::3], strict=True
     ):

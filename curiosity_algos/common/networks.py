@@ -131,11 +131,15 @@ class RunningNormalizer(th.nn.Module):
         largest[self.variance < self.SMALLEST**2] = th.inf
         return batch.clamp(self.mean - largest, self.mean + largest)
 
+    @property
+    def scale(self) -> th.Tensor:
+        """(n_features,) what is one after it is standardized."""
+        # A constant feature has no scale of its own; the floor keeps its first change finite.
+        return self.variance.sqrt().clamp_min(self.SMALLEST)
+
     def forward(self, features: th.Tensor) -> th.Tensor:
         """Standardized float32 features; unchanged before anything was observed."""
         if not self.count:
             return features
-        # A constant feature has no scale of its own; the floor keeps its first change finite.
-        scale = self.variance.sqrt().clamp_min(self.SMALLEST)
-        shifted = (features - self.mean.float()) / scale.float()
+        shifted = (features - self.mean.float()) / self.scale.float()
         return shifted.clamp(-self.CLIP, self.CLIP)

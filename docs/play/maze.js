@@ -1,9 +1,10 @@
-// The mazes' dynamics and the policies' networks, as curiosity_gym/maze/dynamics.py and
+// The mazes' dynamics and the networks of policies that were found, as curiosity_gym/maze/dynamics.py and
 // curiosity_algos/evaluation/mlp.py have them: the same arithmetic in the same order.
 "use strict";
 
 const DT = 0.1, RADIUS = 1.0, MARGIN = 1e-3, CONTACTS = 4, LARGEST_INVERSE = 1e9;
-const f = Math.fround;
+const FARTHEST = 5;  // standard deviations that an observation is clipped to
+const f = Math.fround, clip = (value, bound) => Math.min(Math.max(value, -bound), bound);
 
 class Maze {
   // layout: {width, height, start, goal, walls: [[x, y, width, height], ...]}
@@ -37,7 +38,6 @@ class Maze {
   // One step of state [x, y, vx, vy], which is overwritten; the action is clipped to [-1, 1].
   step(state, action) {
     const limit = this.max_speed, gain = DT * this.max_acceleration;
-    const clip = (value, bound) => Math.min(Math.max(value, -bound), bound);
     let [x, y, vx, vy] = state;
     vx = clip(vx + gain * clip(action[0], 1), limit);
     vy = clip(vy + gain * clip(action[1], 1), limit);
@@ -125,14 +125,18 @@ function advance(start, velocity, time, stop, isContact) {
   return velocity > 0 ? Math.max(start, stop) : Math.min(start, stop);
 }
 
-// The actions of a network: layers of weights (inputs, outputs) and biases in one vector.
-function act(sizes, parameters, observation) {
-  let source = observation, offset = 0;
-  for (let layer = 0; layer + 1 < sizes.length; layer++) {
+// The actions of a network: layers of weights (inputs, outputs) and biases in one vector. One that was
+// found has ReLU between layers and tanh at its end; one that was trained from many starts standardizes
+// what it sees, has tanh between layers, and clips its actions.
+function act({ sizes, weights, mean, scale }, observation) {
+  const isRobust = mean !== undefined, last = sizes.length - 2;
+  const between = isRobust ? Math.tanh : (value) => Math.max(value, 0);
+  let source = isRobust
+    ? observation.map((value, i) => clip((value - mean[i]) / scale[i], FARTHEST)) : observation;
+  for (let layer = 0, offset = 0; layer <= last; layer++) {
     const nIn = sizes[layer], nOut = sizes[layer + 1], biases = offset + nIn * nOut;
-    const target = parameters.slice(biases, biases + nOut);
-    const input = layer ? source.map((value) => Math.max(value, 0)) : source;
-    const product = (i, j) => f(input[i] * parameters[offset + i * nOut + j]);
+    const target = weights.slice(biases, biases + nOut);
+    const product = (i, j) => f(source[i] * weights[offset + i * nOut + j]);
     for (let j = 0; j < nOut; j++) {
       let i = 0, sum = target[j];
       for (; i + 4 <= nIn; i += 4) {
@@ -140,12 +144,12 @@ function act(sizes, parameters, observation) {
         sum = f(sum + f(first + f(product(i + 2, j) + product(i + 3, j))));
       }
       for (; i < nIn; i++) sum = f(sum + product(i, j));
-      target[j] = sum;
+      target[j] = layer < last ? between(sum) : sum;
     }
     source = target;
     offset = biases + nOut;
   }
-  return source.map((z) => f(1 - f(2 / f(f(Math.exp(f(2 * z))) + 1))));
+  return source.map((z) => isRobust ? clip(z, 1) : f(1 - f(2 / f(f(Math.exp(f(2 * z))) + 1))));
 }
 
 if (typeof module !== "undefined") module.exports = { Maze, act };

@@ -6,11 +6,12 @@ for (const network of [archives, ...Object.values(policies)].flatMap(Object.valu
   const bytes = Uint8Array.from(atob(network.weights), (letter) => letter.charCodeAt(0));
   network.weights = new Float32Array(bytes.buffer);
 }
-const YOU = "You: arrow keys, or hold", ARCHIVE = "Many: click a square";
+const YOU = "You: arrow keys, or hold", ARCHIVE = "Many: choose a square";
 const N_STARTS = 100, NEARBY = 1, THINNEST = 2;
+const NOISE = 0.01, TURN = (5 * Math.PI) / 180;  // standard deviation, and radians at most
 const STEERED = 10;  // units from the robot where the pointer steers as hard as may be
 const element = Object.fromEntries(
-  ["world", "said", "maze", "policy", "speed", "again", "pause", "hundred", "draw", "clear"]
+  ["world", "said", "maze", "policy", "speed", "again", "pause", "hundred", "disturb", "draw", "clear"]
     .map((id) => [id, document.getElementById(id)]));
 const canvas = element.world, context = canvas.getContext("2d");
 const steering = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -61,29 +62,44 @@ function archive() {
 
 // The policy that acts, or null.
 function policy() {
-  const { sizes, weights } = archive() ?? policies[element.maze.value]?.[element.policy.value] ?? {};
-  if (!archive()) return sizes ? { sizes, weights } : null;
+  if (!archive()) return policies[element.maze.value]?.[element.policy.value] ?? null;
   if (elite === null) return null;
-  const n = weights.length / archive().squares.length;
+  const { sizes, weights } = archive(), n = weights.length / archive().squares.length;
   return { sizes, weights: weights.subarray(elite * n, (elite + 1) * n) };
 }
 
-// The policy whose episode ends in the square next to a place.
-function pick([x, y]) {
-  const { squares, side } = archive();
-  const far = squares.map(([i, j]) => Math.hypot((i + 0.5) * side - x, (j + 0.5) * side - y));
-  elite = far.indexOf(Math.min(...far));
+// The policy whose episode ends in the square of the least cost.
+function pick(cost) {
+  const costs = archive().squares.map(cost), least = Math.min(...costs);
+  if (least === Infinity) return;
+  elite = costs.indexOf(least);
   start = [...maze.start];
   begin();
 }
 
-function newEpisode(place) {
-  const state = [...place, 0, 0];
-  return { state, seen: maze.observe(state), trail: [[...place]], t: 0, arrived: false };
+// The square next to a place.
+function pickAt([x, y]) {
+  const { side } = archive();
+  pick(([i, j]) => Math.hypot((i + 0.5) * side - x, (j + 0.5) * side - y));
+}
+
+// The next square in a direction, rather far than aside; at first from that of the start.
+function pickNext([dx, dy]) {
+  const { squares, side } = archive();
+  const [fromX, fromY] = squares[elite] ?? maze.start.map((part) => Math.floor(part / side));
+  pick(([i, j]) => {
+    const x = i - fromX, y = j - fromY, along = x * dx + y * dy;
+    return along > 0 ? along + 2 * Math.abs(x * dy - y * dx) : Infinity;
+  });
+}
+
+function newEpisode(place, seed) {
+  const state = [...place, 0, 0], chance = generator(seed);
+  return { chance, state, seen: maze.observe(state), trail: [[...place]], t: 0, arrived: false };
 }
 
 function begin() {
-  episode = newEpisode(start);
+  episode = newEpisode(start, 0);
   others = null;
   element.hundred.disabled = !policy();
   if (paused) toggle();
@@ -92,13 +108,26 @@ function begin() {
 
 function actionOf(seen) {
   const network = policy();
-  if (network) return act(network.sizes, network.weights, seen);
+  if (network) return act(network, seen);
   if (held) return [0, 1].map((i) => (held[i] - episode.state[i]) / STEERED);
   return [...pressed].reduce(([x, y], key) => [x + steering[key][0], y + steering[key][1]], [0, 0]);
 }
 
+// As benchmarks/hold.py perturbs a maze: noise in what is seen, and actions that are turned.
+function noisy(seen, chance) {
+  const normal = () => Math.sqrt(-2 * Math.log(1 - chance())) * Math.cos(2 * Math.PI * chance());
+  return seen.map((value) => value + NOISE * normal());
+}
+
+function turned([x, y], chance) {
+  const angle = TURN * (2 * chance() - 1), [cosine, sine] = [Math.cos(angle), Math.sin(angle)];
+  return [cosine * x - sine * y, sine * x + cosine * y];
+}
+
 function play(one) {
-  maze.step(one.state, actionOf(one.seen));
+  const isDisturbed = element.disturb.checked && !isYou();
+  const action = actionOf(isDisturbed ? noisy(one.seen, one.chance) : one.seen);
+  maze.step(one.state, isDisturbed ? turned(action, one.chance) : action);
   one.seen = maze.observe(one.state);
   one.t++;
   if (one.t % 4 === 0) one.trail.push(one.state.slice(0, 2));
@@ -110,7 +139,7 @@ function play(one) {
 function say() {
   const { t, arrived, ended } = episode;
   let text = `Step ${t} of ${horizon}.`;
-  if (archive() && elite === null) text = "Click a square: a policy plays whose episode ended there.";
+  if (archive() && elite === null) text = "Click a square, or use the arrow keys: a policy plays whose episode ended there.";
   if (isYou() && !t) text = "Steer with the arrow keys, or hold the pointer where the robot shall go.";
   if (arrived) text = `Arrived after ${t} steps: a return of ${(1 - t / horizon).toFixed(3)}.`;
   else if (ended) text = `Not arrived in ${horizon} steps: a return of 0.`;
@@ -245,14 +274,15 @@ for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (
 
 function moveStart(event) {
   const [x, y] = place(event);
-  if (archive()) { if (event.type === "pointerdown") pick([x, y]); }
+  if (archive()) { if (event.type === "pointerdown") pickAt([x, y]); }
   else if (isYou()) held = [x, y];
   else if (maze.isFree(x, y)) { start = [x, y]; begin(); }
 }
 
 canvas.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
-  if (event.key in steering) {
+  if (event.key in steering && archive()) pickNext(steering[event.key]);
+  else if (event.key in steering) {
     pressed.add(event.key);
     if (!isYou()) { element.policy.value = YOU; begin(); }
   } else if (event.key === " ") toggle();
@@ -269,7 +299,7 @@ element.policy.addEventListener("change", () => {
   begin();
   if (isYou()) canvas.focus();
 });
-element.again.addEventListener("click", begin);
+for (const again of [element.again, element.disturb]) again.addEventListener("click", begin);
 element.pause.addEventListener("click", toggle);
 element.hundred.addEventListener("click", hundred);
 element.clear.addEventListener("click", choose);

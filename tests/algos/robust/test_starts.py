@@ -282,3 +282,18 @@ def test_what_the_last_steps_of_demonstrations_paid_is_known(kind):
     starts = make(kind)
     (demonstration,) = starts.demonstrations
     assert starts.last_reward == pytest.approx(demonstration.total)  # it is all there is
+
+
+class Paid(Walk):
+    """Pays each step, too."""
+
+    def step(self, action):
+        observation, reward, *others = super().step(action)
+        return observation, reward + 0.1, *others
+
+
+def test_what_other_steps_paid_is_left_out():
+    demonstration = demonstrate(Right(), Paid(), seed=3)
+    starts = DemonstrationStarts(DummyVecEnv([lambda: RecordEpisode(Paid())]), [demonstration])
+    others = 0.1 * (len(demonstration) - 1)
+    assert starts.last_reward == pytest.approx(demonstration.total - others)

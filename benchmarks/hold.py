@@ -8,7 +8,7 @@ starts; `alone` trains PPO with APT for as many steps as both took. Runs are in
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from gymnasium.wrappers import RepeatAction
 from PIL import Image, ImageSequence
 from stable_baselines3 import PPO
 
+from benchmarks.bonuses import RECIPE
 from benchmarks.figures import IMAGES
 from benchmarks.gallery import with_few_colors
 from benchmarks.measure import markdown
@@ -39,6 +40,8 @@ from curiosity_algos.robust.measure import UNSEEN
 app = typer.Typer(pretty_exceptions_enable=False)
 RUNS = Path("runs/hold")
 KEYS = ["task", "seed"]
+REPEAT = RECIPE.repeat_action
+"""Steps that PPO alone takes an action for."""
 SUCCESS = 0.98
 """That is asked for: a policy that has passed two tests at .95 comes to some less in the next."""
 
@@ -96,16 +99,8 @@ APT = {
     "repeat_action": 10,
     "settings": {"n_steps": 64},
 }
-ALONE = {
-    "algorithm": "ppo",
-    "bonus": "apt",
-    "n_envs": 16,
-    "repeat_action": 10,
-    "settings": {"n_steps": 64},
-}
-"""The recipe of the documentation."""
-WEIGHTS = {"MountainCarContinuous-v0": 2.0}
-"""Of APT alone where a solved episode earns some hundred times more."""
+WEIGHTS = {"MountainCarContinuous-v0": {"weight": 2.0}}
+"""Of the recipe's bonus, where a solved episode earns some hundred times more."""
 GO_EXPLORE = {"algorithm": "go_explore"}
 ROOMS = {"env_kwargs": {"layout": "rooms-4x4-door8-seed10"}}
 TASKS = {
@@ -157,15 +152,16 @@ def run(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None
 def alone(task: str, seed: int, runs: Path = RUNS, interval: float = 60.0) -> None:
     """Train PPO with APT for as many steps as a search and `robustify` took, or go on."""
     folder, chosen = runs / task / str(seed), TASKS[task]
-    row = _row(folder)
-    actions = (row["search_timesteps"] + row["timesteps"]) // ALONE["repeat_action"]
-    settings: Any = {
-        **ALONE,
-        "bonus_kwargs": {"weight": WEIGHTS.get(chosen.env, 0.02)},
-        "env_kwargs": chosen.search.get("env_kwargs", {}),
-        "settle": actions / 5,
-    }
-    spec = RunSpec(env=chosen.env, seed=seed, timesteps=actions, **settings)
+    steps = _search(folder)["timesteps"] + Run(folder / "robust").result["timesteps"]
+    spec = replace(
+        RECIPE,
+        env=chosen.env,
+        seed=seed,
+        timesteps=steps // REPEAT,
+        env_kwargs=chosen.search.get("env_kwargs", {}),
+        bonus_kwargs=WEIGHTS.get(chosen.env, {}),
+        settle=steps / REPEAT / 5,
+    )
     train(spec, folder / "alone", interval=interval)
 
 
@@ -211,12 +207,12 @@ def _folders(runs: Path, part: str) -> list[Path]:
 def _row_alone(folder: Path) -> dict[str, Any]:
     run, task = Run(folder / "alone"), TASKS[folder.parent.name]
     env: Any = gym.make(task.env, **task.search.get("env_kwargs", {}))
-    env = RepeatAction(Perturbed(env) if task.is_perturbed else env, ALONE["repeat_action"])
+    env = RepeatAction(Perturbed(env) if task.is_perturbed else env, REPEAT)
     n = Run(folder / "robust").result["starts"]["n"]
     return {
         "task": folder.parent.name,
         "seed": int(folder.name),
-        "timesteps": ALONE["repeat_action"] * run.result["timesteps"],
+        "timesteps": REPEAT * run.result["timesteps"],
         "seconds": run.result["seconds"],
         "solved": int(evaluate_starts(PPO.load(_model(folder / "alone")), env, n).success.sum()),
     }
@@ -224,14 +220,13 @@ def _row_alone(folder: Path) -> dict[str, Any]:
 
 def _row(folder: Path) -> dict[str, Any]:
     robust, task = Run(folder / "robust"), TASKS[folder.parent.name]
-    result, is_pretrained = robust.result, task.search_timesteps is None
-    search = _long_search(task.env) if is_pretrained else Run(folder / "search").result
+    result, search = robust.result, _search(folder)
     solved = result["starts"]["success"]
     if task.is_perturbed:
         models = [CuriosityES.load(_model(folder / "search")), PPO.load(_model(folder / "robust"))]
         env = Perturbed(gym.make(task.env, **task.search["env_kwargs"]))
         search_solved, solved = (int(evaluate_starts(m, env).success.sum()) for m in models)
-    elif is_pretrained:
+    elif task.search_timesteps is None:
         policy = load_pretrained("curiosity_es", task.env)
         search_solved = int(evaluate_starts(policy, task.env).success.sum())
     elif search.get("starts"):
@@ -251,6 +246,13 @@ def _row(folder: Path) -> dict[str, Any]:
         "solved": solved,
         "starts": result["starts"]["n"],
     }
+
+
+def _search(folder: Path) -> dict[str, Any]:
+    """What the search came to that found the episodes of a task and seed."""
+    task = TASKS[folder.parent.name]
+    is_pretrained = task.search_timesteps is None
+    return _long_search(task.env) if is_pretrained else Run(folder / "search").result
 
 
 def _long_search(env: str) -> dict[str, Any]:

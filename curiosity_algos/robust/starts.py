@@ -325,10 +325,11 @@ class _Replayed:
         self._venv, self._demonstrations = venv, demonstrations
         self.last_rewards = []
         for demonstration in demonstrations:
-            start, actions = demonstration.start, demonstration.actions
-            before, total = (self._replay(0, start, taken)[1] for taken in (actions[:-1], actions))
-            _check(demonstration, total)
-            self.last_rewards.append(total - before)
+            *others, last = demonstration.actions
+            _, before = self._replay(0, demonstration.start, others)
+            _, reward, *_ = self._venv.env_method("step", last, indices=0)[0]
+            _check(demonstration, before + float(reward))
+            self.last_rewards.append(float(reward))
 
     def _replay(self, i: int, start: Start, actions: Any) -> tuple[Any, float]:
         found: tuple[Any, float] = self._venv.env_method("replay", start, actions, indices=i)[0]

@@ -84,6 +84,7 @@ def robust(policy: ActorCriticPolicy) -> dict[str, Any]:
         "weights": packed(weights.astype("<f4")),
         "mean": normalizer.mean.tolist(),
         "scale": normalizer.scale.tolist(),
+        "farthest": normalizer.CLIP,
     }
 
 

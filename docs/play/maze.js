@@ -3,7 +3,6 @@
 "use strict";
 
 const DT = 0.1, RADIUS = 1.0, MARGIN = 1e-3, CONTACTS = 4, LARGEST_INVERSE = 1e9;
-const FARTHEST = 5;  // standard deviations that an observation is clipped to
 const f = Math.fround, clip = (value, bound) => Math.min(Math.max(value, -bound), bound);
 
 class Maze {
@@ -128,11 +127,11 @@ function advance(start, velocity, time, stop, isContact) {
 // The actions of a network: layers of weights (inputs, outputs) and biases in one vector. One that was
 // found has ReLU between layers and tanh at its end; one that was trained from many starts standardizes
 // what it sees, has tanh between layers, and clips its actions.
-function act({ sizes, weights, mean, scale }, observation) {
+function act({ sizes, weights, mean, scale, farthest }, observation) {
   const isRobust = mean !== undefined, last = sizes.length - 2;
   const between = isRobust ? Math.tanh : (value) => Math.max(value, 0);
   let source = isRobust
-    ? observation.map((value, i) => clip((value - mean[i]) / scale[i], FARTHEST)) : observation;
+    ? observation.map((value, i) => clip((value - mean[i]) / scale[i], farthest)) : observation;
   for (let layer = 0, offset = 0; layer <= last; layer++) {
     const nIn = sizes[layer], nOut = sizes[layer + 1], biases = offset + nIn * nOut;
     const target = weights.slice(biases, biases + nOut);

@@ -187,14 +187,15 @@ addEventListener("load", () => {
   const cell = tables[1].tBodies[0].rows[0].cells[8];
   document.body.dataset.said = JSON.stringify([
     ...tables.map((table) => table.classList.contains("cards")),
-    cell.dataset.column, cell.getBoundingClientRect().right <= innerWidth ]);
+    cell.dataset.column, cell.getAttribute("role"),
+    cell.getBoundingClientRect().right <= innerWidth ]);
 });
 """
 
 
 @needs_chromium
-@pytest.mark.parametrize(("width", "is_narrow"), [(500, True), (1300, False)])
-def test_a_table_too_wide_for_a_narrow_screen_becomes_cards(width, is_narrow, tmp_path):
+@pytest.mark.parametrize(("width", "is_narrow"), [(500, True), (700, True), (1300, False)])
+def test_a_table_that_would_be_cut_becomes_cards(width, is_narrow, tmp_path):
     page = tmp_path / "page.html"
     text = TABLES.format(
         style=(DOCS / "_static" / "site.css").read_text(),
@@ -203,4 +204,4 @@ def test_a_table_too_wide_for_a_narrow_screen_becomes_cards(width, is_narrow, tm
         values="".join(f"<td><p>{i}</p></td>" for i in range(9)),
     )
     page.write_text(text)
-    assert run_in_page(page, DEALT, width) == [False, is_narrow, "wide_column_8", True]
+    assert run_in_page(page, DEALT, width) == [False, is_narrow, "wide_column_8", "cell", True]

@@ -59,7 +59,7 @@ def robustify(
 
     The second phase of Go-Explore (Ecoffet et al. 2021): PPO begins by imitating the episodes.
     Its own begin near their ends first, see `DemonstrationStarts`, and further back as they
-    succeed. While half of the fresh episodes do, its steps shrink and it is tested, until it
+    succeed. Once some of the fresh episodes do, its steps shrink and it is tested, until it
     succeeds as often as was asked for. A success pays it at least what a demonstration's last step
     does, however late it comes.
 

@@ -33,11 +33,16 @@ function torsoAt(number, time) {
   return one.map((value, i) => (value + other[i]) / 2);
 }
 
+// What the picture is centered on: half of the way that is left, so that the goal is in it.
+function centerAt(number, time) {
+  return torsoAt(number, time).map((value, i) => (value + (film.world.goal[i] ?? value)) / 2);
+}
+
 function choose() {
   film = ROBOTS[element.policy.value];
   film.ways ??= film.counts.map((count, number) =>
     Array.from({ length: count }, (_, time) => [...torsoAt(number, time).slice(0, 2), 0]));
-  view.distance = (film.world.high[0] - film.world.low[0]) / 2;
+  view.distance = 0.72 * (film.world.high[0] - film.world.low[0]);
   element.start.max = film.counts.length;
   element.start.value = 1;
   begin();
@@ -47,7 +52,7 @@ function begin() {
   episode = element.start.valueAsNumber - 1;
   element.time.max = film.counts[episode] - 1;
   element.time.value = 0;
-  target = torsoAt(episode, 0);
+  target = centerAt(episode, 0);
   const arrived = film.success[episode], n = film.success.filter(Boolean).length;
   const ending = arrived ? `at the goal after ${film.lengths[episode]} steps`
     : `not at the goal in ${film.lengths[episode]} steps`;
@@ -141,8 +146,8 @@ function frame(now = performance.now()) {
   shown = now;
   if (!paused && !isHeld) element.time.value = Math.min(time + (passed * PACE) / film.stride, last);
   element.time.ariaValueText = `step ${Math.round(element.time.valueAsNumber * film.stride)}`;
-  const place = torsoAt(episode, element.time.valueAsNumber);
-  target = target.map((value, i) => value + 0.1 * (place[i] - value));
+  const center = centerAt(episode, element.time.valueAsNumber);
+  target = target.map((value, i) => value + 0.1 * (center[i] - value));
   show();
   requestAnimationFrame(frame);
 }

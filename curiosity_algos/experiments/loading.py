@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -53,7 +53,7 @@ class Run:
 
     @cached_property
     def progress(self) -> pd.DataFrame:
-        """The rows of `progress.csv`: columns of floats, or of texts."""
+        """The rows of `progress.csv`, in columns of floats or of texts."""
         return read_log(self.folder.progress).apply(_as_numbers)
 
     @cached_property
@@ -80,9 +80,7 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
     folders = [folders] if isinstance(folders, str | os.PathLike) else list(folders)
     paths: dict[Path, Path] = {}
     for folder in folders:
-        # `os.walk` passes over folders that vanish, as checkpoints do while a run goes on.
-        walk = os.walk(folder, followlinks=True)
-        runs = sorted(Path(path) for path, _, files in walk if "run.json" in files)
+        runs = sorted(_holders(folder))
         if not runs:
             raise FileNotFoundError(f"`folders` must hold runs, there is no run.json in {folder}.")
         for run in runs:
@@ -90,6 +88,19 @@ def find_runs(folders: StrPath | Iterable[StrPath]) -> list[Path]:
     if not paths:
         raise FileNotFoundError("`folders` must hold runs, there is no folder in it.")
     return list(paths.values())
+
+
+def _holders(folder: StrPath) -> Iterator[Path]:
+    """The folders in a folder that have a `run.json`; links lead nowhere twice."""
+    seen: set[str] = set()
+    # `os.walk` passes over folders that vanish, as checkpoints do while a run goes on.
+    for path, below, files in os.walk(folder, followlinks=True):
+        below.sort()
+        if (real := os.path.realpath(path)) in seen:
+            below.clear()
+        elif "run.json" in files:
+            yield Path(path)
+        seen.add(real)
 
 
 def load_runs(folders: StrPath | Iterable[StrPath]) -> pd.DataFrame:

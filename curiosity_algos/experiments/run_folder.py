@@ -58,6 +58,8 @@ FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
 """Dimensions of the columns of final states."""
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
 """Dimensions of the arrays of `rewarding.npz` and `sample.npz`."""
+LARGEST = 2**63
+"""Bound of the numbers of `result.json`, as of numpy's integers."""
 RUN_FORMAT = 1
 _LOCKS: WeakValueDictionary[tuple[Path, Thread], FileLock] = WeakValueDictionary()
 """The locks of this process, by folder and thread."""
@@ -165,6 +167,7 @@ class RunFolder:
                     raise
 
     def _all_checkpoints(self) -> list[Path]:
+        _check_kind(self._checkpoints, is_folder=True)
         return [path for path in self._checkpoints.glob("*") if path.name.isdecimal()]
 
     def commit(self, timesteps: int, write: Callable[[Path], None]) -> None:
@@ -186,7 +189,7 @@ class RunFolder:
         """The fields of `result.json` in the last checkpoint; empty before the first."""
         if self.checkpoint is None:
             return {}
-        return self.read(lambda checkpoint: read_json(checkpoint / "result.json", RESULT))
+        return self.read(lambda checkpoint: _read_result(checkpoint / "result.json"))
 
     def note(self, **fields: Any) -> None:
         """Add fields to the result of the last checkpoint."""
@@ -204,6 +207,7 @@ class RunFolder:
 
     def final_state_files(self) -> list[Path]:
         """The files of final states, in the order of episodes."""
+        _check_kind(self._final_states, is_folder=True)
         files = self._final_states.glob("*.npz")
         return sorted(path for path in files if path.stem.isdecimal())
 
@@ -231,15 +235,15 @@ def damaged(path: Path) -> ValueError:
     return ValueError(f"`folder` must be that of a run, {path} is damaged.")
 
 
-def _check_no_pipe(path: Path) -> None:
-    """Raise the error of a damaged file for a pipe, which would be waited for."""
-    if path.exists() and not path.is_file():
+def _check_kind(path: Path, *, is_folder: bool = False) -> None:
+    """Raise the error of a damaged file for a folder in its place, or a pipe, which would wait."""
+    if path.exists() and not (path.is_dir() if is_folder else path.is_file()):
         raise damaged(path)
 
 
 def read_json(path: Path, types: JsonTypes) -> dict[str, Any]:
     """A dictionary with fields of these types."""
-    _check_no_pipe(path)
+    _check_kind(path)
     try:
         fields: dict[str, Any] = json.loads(path.read_text())
         is_valid = all(isinstance(fields.get(name), kind) for name, kind in types.items())
@@ -250,9 +254,24 @@ def read_json(path: Path, types: JsonTypes) -> dict[str, Any]:
     return fields
 
 
+def _read_result(path: Path) -> dict[str, Any]:
+    """The fields of a `result.json`, whose numbers and shares are in their ranges."""
+    result = read_json(path, RESULT)
+    shares, logged = result["coverage"].values(), result["pending_log"].values()
+    numbers = [*shares, *(value for value in result.values() if isinstance(value, int | float))]
+    is_valid = (
+        all(isinstance(number, int | float) and abs(number) < LARGEST for number in numbers)
+        and all(0.0 <= share <= 1.0 for share in shares)
+        and all(isinstance(pair, list) and len(pair) == 2 for pair in logged)
+    )
+    if not is_valid:
+        raise damaged(path)
+    return result
+
+
 def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:
     """The arrays of a file, which must have numeric ones of these dimensions."""
-    _check_no_pipe(path)
+    _check_kind(path)
     try:
         with np.load(path) as file:
             arrays = dict(file)
@@ -279,7 +298,7 @@ def read_final_states(paths: list[Path]) -> Columns:
 
 def read_log(path: Path) -> pd.DataFrame:
     """The whole rows of a log as text; none if there is no file."""
-    _check_no_pipe(path)
+    _check_kind(path)
     try:
         content = path.read_bytes() if path.exists() else b""
         whole = content[: content.rfind(b"\n") + 1]  # a kill may leave half a row

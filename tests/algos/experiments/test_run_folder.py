@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -160,6 +161,25 @@ def test_one_thread_at_a_time(run):
     run.lock().release()  # from a thread that has ended
 
 
+@pytest.mark.parametrize(
+    "field",
+    [
+        {"coverage": {"reachable": 10**400}},
+        {"coverage": {"reachable": 1e24}},
+        {"coverage": {"reachable": float("nan")}},
+        {"coverage": {"reachable": "all"}},
+        {"timesteps": 10**400},
+        {"first_success_timesteps": 10**24},
+        {"best_return": float("inf")},
+        {"pending_log": {"a": 3}},
+    ],
+)
+def test_odd_numbers_are_damage(run, field):
+    write_json(run.path / "checkpoints" / "10" / "result.json", RESULT | {"timesteps": 10} | field)
+    with pytest.raises(ValueError, match=r"result\.json is damaged"):
+        run.result()
+
+
 def final_states(first, n_entries=2):
     returns = np.arange(first, first + 3.0)
     return {
@@ -210,6 +230,8 @@ def test_final_states_of_other_columns_are_damaged(run, changed):
         ("final_states/0000000000.npz", b"PK\x03\x04"),
         ("progress.csv", b"\xad\n"),
         ("progress.csv", b"time/fps\n1\n1,2,3\n"),
+        ("checkpoints", b""),  # a file in the place of a folder
+        ("final_states", b""),
     ],
 )
 def test_damage_is_named(run, name, content):
@@ -217,6 +239,8 @@ def test_damage_is_named(run, name, content):
     write_json(run.path / "checkpoints" / "10" / "result.json", RESULT | {"timesteps": 10})
     run.add_final_states(0, final_states(0))
     path = run.path / name
+    if path.is_dir():
+        shutil.rmtree(path)
     if content is None:
         path.unlink(missing_ok=True)
         os.mkfifo(path)

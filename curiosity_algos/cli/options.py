@@ -1,17 +1,37 @@
-"""What commands share: two options, and the parsing of values."""
+"""What commands share: options, the completion of names, and the parsing of values."""
 
 from __future__ import annotations
 
 import ast
 import os
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from curiosity_algos.common.names import BONUS_NAMES, ENVIRONMENTS, KNOWN
+
 if TYPE_CHECKING:
     from curiosity_algos.experiments.run_spec import RunSpec, Wrapping
+
+
+def _completion(known: Iterable[str]) -> Callable[[str], list[str]]:
+    """Complete a name, or the last of several with commas between them."""
+
+    def complete(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",")
+        return [f"{before}{comma}{name}" for name in known if name.startswith(last)]
+
+    return complete
+
+
+_WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+"""The ends of words within the name of a class."""
+ALGOS = _completion([_WORDS.sub("_", name).lower() for name in KNOWN])
+ENVS = _completion(ENVIRONMENTS)
+BONUSES = _completion(("none", *BONUS_NAMES))
 
 Trust = Annotated[
     bool, typer.Option("--trust", help="Also run code that the run's folder names or contains.")
@@ -20,7 +40,9 @@ Trust = Annotated[
 Pretrained = Annotated[
     str | None,
     typer.Option(
-        metavar="ALGO", help="Algorithm whose best policy the package has, for the run's."
+        metavar="ALGO",
+        help="Algorithm whose best policy the package has, for the run's.",
+        autocompletion=ALGOS,
     ),
 ]
 

@@ -13,7 +13,11 @@ from curiosity_algos.cli.enjoy import draw_off_screen
 
 def solve(
     env: Annotated[
-        str, Argument(help="Id of the environment; MODULE:ID is one that a module registers.")
+        str,
+        Argument(
+            help="Id of the environment; MODULE:ID is one that a module registers.",
+            autocompletion=options.ENVS,
+        ),
     ],
     seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
     search_timesteps: Annotated[

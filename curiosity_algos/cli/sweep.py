@@ -25,6 +25,7 @@ def sweep(
             "--algo",
             "--algos",
             help="Algorithms in any spelling, such as curiosity_es,map-elites,ppo.",
+            autocompletion=options.ALGOS,
         ),
     ] = "curiosity_es",
     envs: Annotated[
@@ -33,6 +34,7 @@ def sweep(
             "--env",
             "--envs",
             help="Ids of environments, likewise; MODULE:ID is one that a module registers.",
+            autocompletion=options.ENVS,
         ),
     ] = "CuriosityMaze-Hard-v0",
     seeds: Annotated[str, Option("--seed", "--seeds", help="Seeds, likewise, or as 0-4.")] = "0",
@@ -63,6 +65,7 @@ def sweep(
         Option(
             help="Bonuses that algorithms explore by, likewise, such as none,apt,rnd. For an "
             "algorithm of Stable-Baselines3's own a bonus is added to the reward.",
+            autocompletion=options.BONUSES,
         ),
     ] = "none",
     bonus_kwargs: Annotated[

@@ -32,11 +32,20 @@ print("ribs" in sys.modules)
     assert run_python(code).splitlines() == ["[]", "False"]
 
 
-def test_the_command_lists_names_without_what_is_slow_to_import():
+def test_the_command_completes_words_and_lists_names_without_what_is_slow_to_import():
     code = """
-import sys
+import os, sys
 import curiosity_algos
 from curiosity_algos.cli import main
+sys.argv = ["curiosity", *sys.argv[1:]]
+for asked in ("train --algo map_", "sweep --envs CuriosityMaze-U", "train --bonus rnd,nov"):
+    os.environ |= {"_CURIOSITY_COMPLETE": "complete_bash", "COMP_WORDS": f"curiosity {asked}"}
+    os.environ["COMP_CWORD"] = "3"
+    try:
+        main()
+    except SystemExit:
+        pass
+del os.environ["_CURIOSITY_COMPLETE"]
 for asked in ("--help", "--version", "list"):
     sys.argv[1:] = [asked]
     try:
@@ -47,6 +56,8 @@ slow = ("torch", "stable_baselines3", "pandas", "matplotlib", "ribs", "sklearn")
 print([name for name in slow if name in sys.modules])
 """
     *printed, imported = run_python(code).splitlines()
+    completed = [word for word in printed if word][:3]
+    assert completed == ["map_elites", "CuriosityMaze-US-v0", "rnd,noveld"]
     assert {"Environments:", curiosity_gym.__version__} < set(printed)
     assert imported == "[]"
 

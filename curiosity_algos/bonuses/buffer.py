@@ -16,6 +16,9 @@ from curiosity_algos.bonuses.encoders import ImageInputs
 from curiosity_algos.common.randomness import integer_seed
 from curiosity_algos.state.check import check_like
 
+USUAL, USUAL_BYTES = 100_000, 2**30
+"""Transitions that a buffer keeps unless a user says how many, and the bytes that they may take."""
+
 
 class TransitionBuffer:
     """Keeps the newest `capacity` transitions and samples batches of them.
@@ -23,7 +26,8 @@ class TransitionBuffer:
     It warns, as Stable-Baselines3's do, where memory ends before it is full.
 
     Args:
-        capacity: Number of transitions kept.
+        capacity: Number of transitions kept; None: 100,000, of large observations as many as a GiB
+            holds.
         observation_space: Box; images are kept in bytes, other observations as float32.
         n_actions: Numbers stored for an action: A for a Box, 1 for a Discrete.
         seed: Seed of the sampling.
@@ -31,19 +35,21 @@ class TransitionBuffer:
 
     def __init__(
         self,
-        capacity: int,
+        capacity: int | None,
         observation_space: spaces.Space[Any],
         n_actions: int,
         *,
         seed: np.random.SeedSequence,
     ) -> None:
-        self.capacity = capacity
         self.size = 0
         self._next = 0
         shape = tuple(observation_space.shape or ())
         dtype = np.dtype(np.float32 if ImageInputs.of(observation_space) is None else np.uint8)
         self.dtype = dtype  # of observations
-        n_bytes = 2 * capacity * math.prod(shape) * dtype.itemsize
+        bytes_of_one = 2 * math.prod(shape) * dtype.itemsize  # the rest hardly counts
+        if capacity is None:
+            capacity = max(1, min(USUAL, USUAL_BYTES // bytes_of_one))
+        self.capacity, n_bytes = capacity, capacity * bytes_of_one
         if n_bytes > (n_free := psutil.virtual_memory().available):
             warnings.warn(
                 f"`buffer_size` of {capacity} transitions needs {n_bytes / 1e9:.1f} GB of memory, "

@@ -63,7 +63,8 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         venv: A VecEnv of any spaces that SB3's policies take; the bonus sees images as they are,
             and others as vectors.
         observation_key: The entry of a Dict that the bonus sees; None: all, as one vector.
-        buffer_size: Transitions kept to train on, the newest.
+        buffer_size: Transitions kept to train on, the newest; None: 100,000, of large observations
+            as many as a GiB holds.
         seed: Of the networks and the draws; None: fresh entropy.
         device: Where the networks are, as in SB3.
 
@@ -89,13 +90,14 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         venv: VecEnv,
         *,
         observation_key: str | None = None,
-        buffer_size: int = 100_000,
+        buffer_size: int | None = None,
         seed: int | None = None,
         device: th.device | str = "auto",
         **curiosity: Unpack[CuriosityKeywords],
     ) -> None:
         _check_venv(venv)
-        check_at_least_one(buffer_size=buffer_size)
+        if buffer_size is not None:
+            check_at_least_one(buffer_size=buffer_size)
         check_seed(seed)
         self._view = View(venv.observation_space, observation_key)
         self._acted = FlatActions(venv.action_space)
@@ -109,9 +111,9 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         record_episodes(venv)
         self.found = FoundEpisodes(venv)
         self.observation_key = observation_key
-        self.buffer_size = int(buffer_size)
         self.training = True
-        self._make_memories(buffer_seed, steps_seed)
+        self._make_memories(buffer_size, buffer_seed, steps_seed)
+        self.buffer_size = self.buffer.capacity
         self._must_reset = False
         self._settled = {"buffer_size", "observation_key", "seed", "device"}
 
@@ -120,11 +122,14 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         return f"<{type(self).__name__}: {bonus} around {self.num_envs} of {env_name(self.venv)}>"
 
     def _make_memories(
-        self, buffer_seed: np.random.SeedSequence, steps_seed: np.random.SeedSequence
+        self,
+        buffer_size: int | None,
+        buffer_seed: np.random.SeedSequence,
+        steps_seed: np.random.SeedSequence,
     ) -> None:
         space, n_actions = self._view.space, get_action_dim(self._acted.space)
         shape = tuple(space.shape or ())
-        self.buffer = TransitionBuffer(self.buffer_size, space, n_actions, seed=buffer_seed)
+        self.buffer = TransitionBuffer(buffer_size, space, n_actions, seed=buffer_seed)
         dtype = self.buffer.dtype
         self._observations: Array = np.empty((0, *shape), dtype)
         self._actions: Array = np.empty(0)
@@ -312,7 +317,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         except Exception as error:  # a damaged file fails in more ways than can be named
             raise ValueError(
                 f"`path` must be saved of a wrapper around {venv.num_envs} environments of the "
-                f"same spaces, {path} is not: {error}"
+                f"same spaces, {path} is not: {error} For others make a new {cls.__name__}."
             ) from error
         # Not yet, as a model's own reset would take another start then.
         wrapper._must_reset = not load_episode_states(venv, state["episodes"])

@@ -101,3 +101,9 @@ def test_it_warns_before_memory_ends(monkeypatch):
     with pytest.warns(UserWarning, match=r"`buffer_size` of 20000 .* 1\.1 GB .* 1\.0 GB are free"):
         TransitionBuffer(20_000, space, 1, seed=np.random.SeedSequence(0))
     make_buffer(1_000_000)
+
+
+def test_by_default_it_keeps_a_gib_of_images():
+    images, seed = spaces.Box(0, 255, (84, 84, 4), np.uint8), np.random.SeedSequence(0)
+    assert TransitionBuffer(None, images, 1, seed=seed).capacity == 2**30 // (2 * 84 * 84 * 4)
+    assert make_buffer(None).capacity == 100_000

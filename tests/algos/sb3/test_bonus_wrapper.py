@@ -357,7 +357,9 @@ def test_a_file_of_other_environments_is_refused(make, tmp_path):
     wrapper = wrap()
     play(wrapper, 3)
     wrapper.save(tmp_path / "bonus.npz")
-    with pytest.raises(ValueError, match=r"^`path` must be saved of a wrapper around . env.*npz"):
+    with pytest.raises(
+        ValueError, match=r"^`path` must be saved .* around . env.*npz.* make a new"
+    ):
         BonusVecEnvWrapper.load(tmp_path / "bonus.npz", make())
 
 

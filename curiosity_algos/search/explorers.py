@@ -10,6 +10,7 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from curiosity_algos.common.arrays import Array, Float32Array, Float64Array, Int64Array, Mask
 from curiosity_algos.common.generators import generator_state, load_generator_state
+from curiosity_algos.common.networks import RunningNormalizer
 from curiosity_algos.evaluation.flat_spaces import ActionArray
 from curiosity_algos.evaluation.open_loop import OpenLoopPolicy
 from curiosity_algos.evaluation.rollouts import Rollouts
@@ -85,7 +86,13 @@ class LinearPolicies:
 
     def observe(self, observations: Array) -> None:
         """Count observations (n, O) for standardization."""
-        self._statistics.update(observations.astype(np.float64))
+        seen = self._statistics
+        # As in RunningNormalizer: one observation like no other would hide all that come after it.
+        largest = np.sqrt(seen.var * (RunningNormalizer.FARTHEST**2 + seen.count))
+        if seen.count < RunningNormalizer.FARTHEST:  # too few to know a deviation by
+            largest[:] = np.inf
+        largest[largest == 0.0] = np.inf  # a constant has no scale yet
+        seen.update(np.clip(observations, seen.mean - largest, seen.mean + largest))
 
     def state_dict(self) -> dict[str, Any]:
         """The statistics."""

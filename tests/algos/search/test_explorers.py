@@ -44,6 +44,15 @@ def test_linear_policies_are_those_of_standardized_observations():
         np.testing.assert_allclose(output, expected, rtol=1e-3, atol=1e-4)
 
 
+def test_one_observation_hides_no_others():
+    policies, rng = LinearPolicies(3, 2), np.random.default_rng(0)
+    policies.observe(rng.normal(size=(5000, 3)))
+    rows, seen = policies.draw(rng, 50), rng.normal(size=(50, 3))
+    before = policies.act(rows, seen)
+    policies.observe(np.full((1, 3), 1e6))
+    assert np.abs(policies.act(rows, seen) - before).mean() < 0.5 * np.abs(before).mean()
+
+
 def test_children_are_near_their_parents_or_new():
     policies, rng = LinearPolicies(3, 2), np.random.default_rng(0)
     parents = policies.draw(rng, 2000)

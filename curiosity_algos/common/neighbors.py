@@ -24,8 +24,8 @@ def check_points(**points: Float64Array) -> None:
 def nearest_others(points: Float64Array, n: int, k: int) -> tuple[Float64Array, Int64Array]:
     """The k nearest other points of each of the first n points, of equally near the first.
 
-    It takes n log n steps, or n^2 where neighbors tie, and from about 12 dimensions on. Points are
-    (m, d), k at most m - 1.
+    It takes n log n steps, or n^2 where unequal neighbors tie, and from about 12 dimensions on.
+    Points are (m, d), k at most m - 1.
 
     Returns:
         Distances (n, k), ascending, and which points these are (n, k).
@@ -34,9 +34,12 @@ def nearest_others(points: Float64Array, n: int, k: int) -> tuple[Float64Array, 
     found, numbers = KDTree(points, balanced_tree=False).query(points[:n], k + 2)
     radii = found[:, k] * (1.0 + ROUNDING)
     gaps, neighbors = np.empty((n, k)), np.empty((n, k), dtype=np.int64)
+    groups = _first_equal(points, k + 1) if (radii == 0.0).any() else {}
     for i, radius in enumerate(radii):
         if found[i, k + 1] > radius:
             near = np.sort(numbers[i, : k + 1])
+        elif radius == 0.0:  # as in a first generation that has moved into one corner
+            near = groups[(points[i] + 0.0).tobytes()]
         else:
             near = np.flatnonzero(cdist(points[[i]], points)[0] <= radius)
         others = near[near != i]
@@ -44,6 +47,16 @@ def nearest_others(points: Float64Array, n: int, k: int) -> tuple[Float64Array, 
         nearest = np.argsort(distances, kind="stable")[:k]
         gaps[i], neighbors[i] = distances[nearest], others[nearest]
     return gaps, neighbors
+
+
+def _first_equal(points: Float64Array, n: int) -> dict[bytes, Int64Array]:
+    """The first n of each of the equal points (m, d), by their bytes."""
+    found: dict[bytes, list[int]] = {}
+    for number, point in enumerate(points + 0.0):  # no negative zeros
+        same = found.setdefault(point.tobytes(), [])
+        if len(same) < n:
+            same.append(number)
+    return {point: np.array(numbers) for point, numbers in found.items()}
 
 
 class ClosestPairs:

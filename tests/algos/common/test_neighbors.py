@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
 
+from curiosity_algos.common import neighbors
 from curiosity_algos.common.neighbors import ClosestPairs, check_points, nearest_others
 
 # On a grid many distances tie; what a tree and `cdist` round differently has many dimensions.
@@ -61,6 +62,19 @@ def test_many_points_need_no_matrix():
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 3000**2  # an eighth of a matrix
+
+
+def test_equal_points_are_compared_with_few(monkeypatch):
+    """As in the first generation, when everybody ends in one corner."""
+    compared = []
+    monkeypatch.setattr(
+        neighbors, "cdist", lambda one, others: compared.append(len(others)) or cdist(one, others)
+    )
+    points = np.zeros((400, 2)) * np.array([1.0, -1.0])  # of either sign
+    gaps, nearest = nearest_others(points, 400, 10)
+    assert max(compared) <= 11
+    assert not gaps.any()
+    assert nearest[3].tolist() == [0, 1, 2, 4, 5, 6, 7, 8, 9, 10]
 
 
 @pytest.mark.parametrize("entry", [np.nan, np.inf, -1e150])

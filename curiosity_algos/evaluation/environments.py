@@ -87,8 +87,9 @@ class SingleVecEnv(DummyVecEnv):
         if self.others_play:
             raise ValueError(
                 f"`{method}` does not reach all environments that play: pass a VecEnv of as many "
-                "as shall play, such as make_vec_env(env, n_envs=16), or change those of a "
-                "VectorEnv itself."
+                "as shall play, such as make_vec_env(env, n_envs=16), whose "
+                'env_method("set_wrapper_attr", name, value) passes the Monitor, or change those '
+                "of a VectorEnv itself."
             )
 
     def _save_obs(self, env_idx: int, obs: Any) -> None:

@@ -18,7 +18,13 @@ from curiosity_algos.common.arrays import Array, Float64Array, Int64Array, Mask
 from curiosity_algos.evaluation.base import KnownTask, Player
 from curiosity_algos.evaluation.coverage import goal_space
 from curiosity_algos.evaluation.environments import EnvObject
-from curiosity_algos.evaluation.evaluator import SIMULATIONS, as_played, known_task, layers
+from curiosity_algos.evaluation.evaluator import (
+    SIMULATIONS,
+    as_played,
+    known_task,
+    layers,
+    warn_of_empty_files,
+)
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
 from curiosity_algos.evaluation.places import Place
 from curiosity_algos.evaluation.rollouts import as_behaviors, check_observations, sparse_returns
@@ -276,7 +282,9 @@ def make_worlds(env: EnvObject, n: int, n_threads: int | None, *, is_copied: boo
         ValueError: If episodes of `env` cannot be taken up.
     """
     played = as_played(env)
-    if (known := known_task(played)) is not None:
+    known = known_task(played)
+    warn_of_empty_files(env, is_compiled=known is not None)
+    if known is not None:
         inner = layers(played)[-1]
         is_own = type(inner) in SIMULATIONS
         simulation = inner.simulation if is_own else known.simulate(known.task, 1, n_threads)

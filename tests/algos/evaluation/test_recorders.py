@@ -12,7 +12,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor, load_results
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecMonitor
 
-from curiosity_algos import CanonicalES
+from curiosity_algos import CanonicalES, GoExplore
 
 N_EPISODES = 6
 STEPPED = ("Pendulum-v1", {"max_episode_steps": 5})
@@ -81,6 +81,12 @@ def test_of_a_task_that_plays_compiled_it_has_none_and_a_warning_says_so(
     with pytest.warns(UserWarning, match="Monitor or VecMonitor with a file that gets no rows"):
         model = make_model(CanonicalES, monitored(kind, task))
     model.get_env().close()
+
+
+def test_a_search_by_restored_states_says_so_too(tmp_path):
+    env = Monitor(gym.make("CuriosityMaze-US-v0"), str(tmp_path / "log"))
+    with pytest.warns(UserWarning, match="Monitor or VecMonitor with a file that gets no rows"):
+        GoExplore(env)
 
 
 def test_so_does_one_of_a_vec_monitor(make_model, tmp_path):

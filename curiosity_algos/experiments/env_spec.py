@@ -40,6 +40,11 @@ def encode_spec(spec: EnvSpec) -> dict[str, Any]:
                 f"the wrapper {wrapper['name']} does not record its arguments, as "
                 "gymnasium.utils.RecordConstructorArgs would"
             )
+        try:
+            encode(wrapper, {})
+        except ValueError as error:
+            name = wrapper["name"]
+            raise ValueError(f"the wrapper {name} takes what no file holds. {error}") from error
     fields["additional_wrappers"] = wrappers
     arrays: Arrays = {}
     encoded: dict[str, Any] = encode(fields, arrays)

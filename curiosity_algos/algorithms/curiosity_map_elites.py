@@ -50,7 +50,7 @@ class CuriosityMAPElites(CuriousAlgorithm, MAPElites):
         n_kept: Transitions kept of each elite, from which its curiosity is estimated.
     """
 
-    bonus: str | Bonus = setting("icm", settled=True)
+    bonus: str | Bonus = setting("icm", fixed=True)
     n_updates: int = setting(64, check_at_least_one, part="_motivation")
     batch_size: int = setting(1024, check_at_least_one, part="_motivation")
     sigma: float = setting(0.1, check_positive, idle_with="emitters")

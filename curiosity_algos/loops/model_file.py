@@ -153,7 +153,7 @@ def make_model(
     except TypeError as error:
         raise ValueError(f"`path` must be a saved {cls.__name__}: {error}") from error
     own = model._settings()
-    for name in sorted(cls._fixed() & overrides.keys()):
+    for name in sorted((cls._fixed() & overrides.keys()) - settings.objects.keys()):
         if own[name] != (saved := settings.values.get(name)):
             raise ValueError(
                 f"`{name}` must be left as it was saved, {saved}: make a new {cls.__name__}."

@@ -152,6 +152,8 @@ class TestLoad:
             (AURORA, {"latent_size": 3}),
             (CanonicalES, {"normalize_observations": True}),
             (MAPElites, {"n_cells": 3}),
+            (CuriosityES, {"bonus": "rnd"}),
+            (CuriosityMAPElites, {"bonus_kwargs": {"learning_rate": 1e-2}}),
         ],
     )
     def test_so_does_what_parts_were_made_with(self, algorithm, other, make_model, make_maze, path):

@@ -160,6 +160,37 @@ def test_the_paper_is_linked_and_cited_alike(page):
     assert cited["identifiers"][0]["value"] == f"arXiv:{fields['eprint']}"
 
 
+SPELLED_OUT = {
+    "autonomous robots that realize their abilities": "algorithms/index.md",
+    "covariance matrix adaptation MAP-Elites": "algorithms/index.md",
+    "multi-dimensional archive of phenotypic elites": "algorithms/index.md",
+    "novelty search with local competition": "algorithms/index.md",
+    "twin delayed deep deterministic policy gradient": "algorithms/index.md",
+    "active pre-training": "bonuses.md",
+    "exploration by elliptical episodic bonuses": "bonuses.md",
+    "intrinsic curiosity module": "bonuses.md",
+    "never give up": "bonuses.md",
+    "novelty difference": "bonuses.md",
+    "random network distillation": "bonuses.md",
+    "running away from the past": "bonuses.md",
+    "proximal policy optimization": "glossary.md",
+    "soft actor-critic": "glossary.md",
+    "deep Q-network": "glossary.md",
+}
+"""Names that classes shorten, and the page that introduces them; the README does, too."""
+
+
+@pytest.mark.parametrize("name", SPELLED_OUT)
+def test_names_are_spelled_out_where_they_are_introduced(name):
+    for page in (ROOT / "README.md", DOCS / SPELLED_OUT[name]):
+        assert name in " ".join(page.read_text().split())
+
+
+def test_where_it_fails_is_linked_from_the_first_pages():
+    for page in (ROOT / "README.md", DOCS / "index.md"):
+        assert "where_it_fails.md)" in page.read_text()
+
+
 def test_what_one_writes_oneself_is_short():
     blocks = re.findall(r"^```python\n(.*?)^```", OWN.read_text(), flags=re.M | re.S)
     assert len(blocks) >= 5

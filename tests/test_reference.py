@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+from functools import cached_property
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -58,7 +59,11 @@ def members(path, owner, options):
 
 def is_public(name, member, owner):
     is_own = not inspect.ismodule(owner) or getattr(member, "__module__", None) == owner.__name__
-    kinds = inspect.isfunction(member) or inspect.isclass(member) or isinstance(member, property)
+    kinds = (
+        inspect.isfunction(member)
+        or inspect.isclass(member)
+        or isinstance(member, property | cached_property)
+    )
     return not name.startswith("_") and is_own and kinds
 
 
@@ -138,7 +143,8 @@ def read_for_types():
     for before, here in (pair for body in bodies() for pair in pairwise(body)):
         if isinstance(here, ast.FunctionDef):
             text = ast.get_docstring(here) or ""
-            is_property = "property" in map(ast.unparse, here.decorator_list)
+            decorators = {ast.unparse(each) for each in here.decorator_list}
+            is_property = not decorators.isdisjoint({"property", "cached_property"})
             yield from [text] if is_property else re.findall(r"^Returns:\n(.*)", text, re.MULTILINE)
         elif isinstance(before, ast.Assign | ast.AnnAssign) and isinstance(here, ast.Expr):
             yield here.value.value

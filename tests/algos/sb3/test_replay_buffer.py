@@ -219,6 +219,14 @@ def test_choices_are_taken_as_they_are():
     assert th.equal(actions, before + 1)
 
 
+def test_whole_actions_are_scored_as_floats():
+    """Stable-Baselines3 keeps them in their own type, scaled to [-1, 1]."""
+    actions = spaces.Box(-3, 3, (1,), np.int64)
+    buffer = make_buffer(20, action_space=actions, bonus="icm", gamma=0.9, train_interval=4)
+    walk(buffer, 8)
+    assert buffer.sample(8).rewards.isfinite().all()
+
+
 class TestTraining:
     def test_it_comes_with_every_so_many_transitions(self):
         buffer = make_buffer(60, n_envs=3, train_interval=10, n_updates=2, batch_size=5)

@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 from itertools import pairwise
 
 import pytest
+from browser import needs_chromium, run_in_page
 from html_tables import first_table
 
 from curiosity_algos.experiments.report import write_report
@@ -52,6 +53,25 @@ def describe(run, **changes):
     """Change fields of a run's description."""
     path = run / "run.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+MEASURED = """
+addEventListener("load", () => {
+  const scrolled = [...document.querySelectorAll(".scroll")];
+  document.body.dataset.said = JSON.stringify([
+    scrolled.filter((box) => box.scrollWidth > box.clientWidth).length,
+    [...document.images].filter((image) => !image.complete || !image.naturalWidth).length,
+    document.documentElement.scrollWidth <= innerWidth ]);
+});
+"""
+
+
+@needs_chromium
+def test_nothing_is_cut_or_waits_to_be_scrolled_to(page, tmp_path):
+    """So that it prints as it is seen in a window of 1,300 pixels."""
+    copy = tmp_path / "report.html"
+    copy.write_text(page)
+    assert run_in_page(copy, MEASURED, 1300) == [0, 0, True]
 
 
 def test_the_same_runs_give_the_same_bytes(page, runs_folder, tmp_path):

@@ -48,8 +48,9 @@ class TD3ICM(HasSettings, TD3):
     computes the bonus each time it samples a transition. After each rollout from `learning_starts`
     on the bonus is trained for `n_updates` steps, and then actor and critics for `gradient_steps`.
 
-    Callbacks may change what they may change of TD3, and the `weight`, `extrinsic` and `n_updates`
-    of `replay_buffer`, which alone keeps them.
+    Callbacks may change what they may change of TD3 (of the learning rate `lr_schedule` alone is in
+    force), and the `weight`, `extrinsic` and `n_updates` of `replay_buffer`, which alone keeps
+    them.
 
     Args:
         env: An environment id, a function that makes an environment, a Gymnasium env, or an SB3

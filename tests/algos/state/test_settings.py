@@ -3,11 +3,13 @@
 import inspect
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch as th
 from gymnasium.spaces import Box, Discrete
 from ribs.emitters import GaussianEmitter
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
 
 from curiosity_algos import AURORA, CMAME, NSES, NSLC, RND, CuriosityES, CuriosityMAPElites
 from tests.algos.conftest import SETTINGS
@@ -86,6 +88,15 @@ def test_a_change_is_in_force(
         each.learn(n_timesteps - each.num_timesteps, reset_num_timesteps=False)
     assert_same_run(model, given)
     assert not np.array_equal(outcome(model), outcome(as_it_was))
+
+
+def test_the_log_says_what_is_in_force(make_model, make_easy_maze, tmp_path):
+    model = make_model(CuriosityES, make_easy_maze())
+    begun, changed = model.sigma, Change(tmp_path / "model.zip", "sigma", 0.01)
+    model.set_logger(configure(str(tmp_path), ["csv"]))
+    model.learn(64 * 36, callback=changed, log_interval=1)
+    logged = pd.read_csv(tmp_path / "progress.csv")["search/sigma"]
+    assert (logged.iloc[0], logged.iloc[-1]) == (begun, 0.01)
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ class EvolutionStrategy(EvolutionaryAlgorithm):
             return CanonicalSearch(n_parameters, **self._search_settings, seed=seed)
         # A class has the methods too.
         is_made = isinstance(search, Search) and not isinstance(search, type)
-        made: Any = search if is_made else search(n_parameters, seed)  # type: ignore[operator]
+        made: Any = search if is_made or not callable(search) else search(n_parameters, seed)
         if not isinstance(made, Search) or np.shape(made.center) != (n_parameters,):
             raise ValueError(
                 f"`search` must be, or make, a Search with a center of the policy's {n_parameters} "

@@ -128,6 +128,11 @@ class QualityDiversity(EvolutionaryAlgorithm):
                 f"`archive` must be of the class {self.archive_class.__name__} of "
                 f"curiosity_algos.archives, got {type(self._own_archive).__name__}."
             )
+        if not (self.emitters is None or callable(self.emitters)):
+            raise ValueError(
+                "`emitters` must be None or a function that makes pyribs' emitters, got "
+                f"{self.emitters!r:.60}."
+            )
         self._check_behaviors(self._behavior_space)
 
     def _check_behaviors(self, space: spaces.Box[Any] | None) -> None:

@@ -15,7 +15,7 @@ from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 from curiosity_algos.common.arrays import Float64Array
 from curiosity_algos.common.kept import Kept
 from curiosity_algos.evaluation.coverage import Coverage, Firsts, coverage_grid
-from curiosity_algos.evaluation.rollouts import as_behaviors, final_behaviors
+from curiosity_algos.evaluation.rollouts import as_behaviors, check_finite, final_behaviors
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_gym.core import CoverageGrid
 
@@ -115,6 +115,9 @@ class FinalBehaviors(BaseCallback):
     Attributes:
         behaviors: (n, B) float64, of the n episodes that ended with an `info["behavior"]`, in their
             order; (0, 0) before the first.
+
+    Raises:
+        ValueError: During `learn`, if a behavior is not finite, or not as long as the first.
     """
 
     def __init__(self, verbose: int = 0) -> None:
@@ -130,7 +133,10 @@ class FinalBehaviors(BaseCallback):
         steps = zip(self.locals["infos"], self.locals["dones"], strict=True)
         ended = [info["behavior"] for info, is_last in steps if is_last and "behavior" in info]
         if ended:
-            self._ended.append(as_behaviors(ended))
+            begun = [each[0] for each in self._ended[:1]]
+            behaviors = as_behaviors([*begun, *ended])[len(begun) :]  # all of one shape
+            check_finite(behaviors)
+            self._ended.append(behaviors)
         return True
 
 

@@ -106,7 +106,7 @@ class TestSearch:
         assert_resumes(model, make_easy_maze(), search=Climber)
 
     @pytest.mark.parametrize(
-        "search", [lambda n, seed: 3, lambda n, seed: Climber(n + 1, seed), Climber(5, 0)]
+        "search", [3, lambda n, seed: 3, lambda n, seed: Climber(n + 1, seed), Climber(5, 0)]
     )
     def test_what_is_no_search_is_refused(self, make_easy_maze, search):
         with pytest.raises(ValueError, match=r"`search` must be, or make, a Search with a center"):

@@ -185,6 +185,7 @@ class TestEmitters:
     @pytest.mark.parametrize(
         "made",
         [
+            3,
             lambda *args: gaussian(*args)[0],
             lambda *args: [],
             lambda *args: gaussian(*args) * 2,

@@ -116,6 +116,18 @@ def test_final_behaviors_are_those_of_the_last_steps():
     np.testing.assert_array_equal(ends.behaviors, np.concatenate(seen))
 
 
+@pytest.mark.parametrize("behavior", [np.array([np.nan]), np.zeros(2)])
+def test_a_final_behavior_unlike_the_first_is_named_at_once(behavior):
+    class Odd(Walk):
+        def step(self, action):
+            *step, info = super().step(action)
+            is_late = self.n_episodes > 2
+            return *step, info | {"behavior": behavior if is_late else np.zeros(1)}
+
+    with pytest.raises(ValueError, match=r"`env` must .*behavior"):
+        train(make_vec_env(Odd), 15, FinalBehaviors())
+
+
 def test_it_counts_the_cells_of_every_step():
     kwargs = {"layout": "us", "horizon": 10, "max_acceleration": 100.0}
     venv = make_vec_env("CuriosityMaze-v0", n_envs=2, env_kwargs=kwargs)

@@ -38,8 +38,8 @@ def nearest_others(points: Float64Array, n: int, k: int) -> tuple[Float64Array, 
     for i, radius in enumerate(radii):
         if found[i, k + 1] > radius:
             near = np.sort(numbers[i, : k + 1])
-        elif radius == 0.0:  # as in a first generation that has moved into one corner
-            near = groups[(points[i] + 0.0).tobytes()]
+        elif len(same := groups.get((points[i] + 0.0).tobytes(), ())) > k:
+            near = np.array(same)  # as in a first generation that has moved into one corner
         else:
             near = np.flatnonzero(cdist(points[[i]], points)[0] <= radius)
         others = near[near != i]
@@ -49,14 +49,14 @@ def nearest_others(points: Float64Array, n: int, k: int) -> tuple[Float64Array, 
     return gaps, neighbors
 
 
-def _first_equal(points: Float64Array, n: int) -> dict[bytes, Int64Array]:
+def _first_equal(points: Float64Array, n: int) -> dict[bytes, list[int]]:
     """The first n of each of the equal points (m, d), by their bytes."""
     found: dict[bytes, list[int]] = {}
     for number, point in enumerate(points + 0.0):  # no negative zeros
         same = found.setdefault(point.tobytes(), [])
         if len(same) < n:
             same.append(number)
-    return {point: np.array(numbers) for point, numbers in found.items()}
+    return found
 
 
 class ClosestPairs:

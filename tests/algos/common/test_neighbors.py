@@ -70,11 +70,19 @@ def test_equal_points_are_compared_with_few(monkeypatch):
     monkeypatch.setattr(
         neighbors, "cdist", lambda one, others: compared.append(len(others)) or cdist(one, others)
     )
-    points = np.zeros((400, 2)) * np.array([1.0, -1.0])  # of either sign
+    points = np.zeros((400, 2))
+    points[::2] *= -1.0  # equal, but for their bytes
     gaps, nearest = nearest_others(points, 400, 10)
     assert max(compared) <= 11
     assert not gaps.any()
     assert nearest[3].tolist() == [0, 1, 2, 4, 5, 6, 7, 8, 9, 10]
+
+
+def test_distances_may_be_too_small_for_a_number():
+    points = np.arange(6.0)[:, None] * 1e-170
+    gaps, nearest = nearest_others(points, 6, 2)
+    assert not gaps.any()
+    assert nearest[3].tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("entry", [np.nan, np.inf, -1e150])

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import shutil
 from collections.abc import Callable, Mapping
@@ -47,7 +48,7 @@ DESCRIPTION: JsonTypes = {
 RESULT: JsonTypes = {
     **dict.fromkeys(("timesteps", "total_timesteps", "n_episodes"), int),
     "best_return": float | int | None,
-    "first_success_timesteps": int | None,
+    **dict.fromkeys(("first_reward_timesteps", "first_success_timesteps"), int | None),
     "seconds": float,
     **dict.fromkeys(("coverage", "pending_log"), dict),
     "starts": dict | None,
@@ -59,7 +60,7 @@ FINAL_STATES = {"generation": 1, "timesteps": 1, "return": 1, "behavior": 2}
 REWARDING = {"return": 1, "generation": 1, "episode_seed": 1, "n_seen": 0}
 """Dimensions of the arrays of `rewarding.npz` and `sample.npz`."""
 LARGEST = 2**63
-"""Bound of the numbers of `result.json`, as of numpy's integers."""
+"""Bound of the whole numbers of `result.json`, as of numpy's."""
 RUN_FORMAT = 1
 _LOCKS: WeakValueDictionary[tuple[Path, Thread], FileLock] = WeakValueDictionary()
 """The locks of this process, by folder and thread."""
@@ -258,15 +259,18 @@ def _read_result(path: Path) -> dict[str, Any]:
     """The fields of a `result.json`, whose numbers and shares are in their ranges."""
     result = read_json(path, RESULT)
     shares, logged = result["coverage"].values(), result["pending_log"].values()
-    numbers = [*shares, *(value for value in result.values() if isinstance(value, int | float))]
     is_valid = (
-        all(isinstance(number, int | float) and abs(number) < LARGEST for number in numbers)
-        and all(0.0 <= share <= 1.0 for share in shares)
+        all(_is_bounded(value) for value in result.values() if isinstance(value, int | float))
+        and all(isinstance(share, int | float) and 0.0 <= share <= 1.0 for share in shares)
         and all(isinstance(pair, list) and len(pair) == 2 for pair in logged)
     )
     if not is_valid:
         raise damaged(path)
     return result
+
+
+def _is_bounded(number: float) -> bool:
+    return math.isfinite(number) if isinstance(number, float) else abs(number) < LARGEST
 
 
 def read_arrays(path: Path, dimensions: Mapping[str, int]) -> Columns:

@@ -166,18 +166,26 @@ def test_one_thread_at_a_time(run):
     [
         {"coverage": {"reachable": 10**400}},
         {"coverage": {"reachable": 1e24}},
+        {"coverage": {"reachable": -0.5}},
         {"coverage": {"reachable": float("nan")}},
         {"coverage": {"reachable": "all"}},
         {"timesteps": 10**400},
         {"first_success_timesteps": 10**24},
         {"best_return": float("inf")},
         {"pending_log": {"a": 3}},
+        {"pending_log": {"a": [3]}},
     ],
 )
 def test_odd_numbers_are_damage(run, field):
     write_json(run.path / "checkpoints" / "10" / "result.json", RESULT | {"timesteps": 10} | field)
     with pytest.raises(ValueError, match=r"result\.json is damaged"):
         run.result()
+
+
+def test_returns_may_be_large(run):
+    large = {"timesteps": 10, "best_return": -1e30}
+    write_json(run.path / "checkpoints" / "10" / "result.json", RESULT | large)
+    assert run.result()["best_return"] == -1e30
 
 
 def final_states(first, n_entries=2):

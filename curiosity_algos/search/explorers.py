@@ -91,7 +91,8 @@ class LinearPolicies:
         largest = np.sqrt(seen.var * (RunningNormalizer.FARTHEST**2 + seen.count))
         if seen.count < RunningNormalizer.FARTHEST:  # too few to know a deviation by
             largest[:] = np.inf
-        largest[largest == 0.0] = np.inf  # a constant has no scale yet
+        # A constant has no scale yet that this could destroy.
+        largest[seen.var < RunningNormalizer.SMALLEST**2] = np.inf
         seen.update(np.clip(observations, seen.mean - largest, seen.mean + largest))
 
     def state_dict(self) -> dict[str, Any]:

@@ -53,6 +53,16 @@ def test_one_observation_hides_no_others():
     assert np.abs(policies.act(rows, seen) - before).mean() < 0.5 * np.abs(before).mean()
 
 
+@pytest.mark.parametrize("n_constant", [3, 5000])
+def test_what_was_constant_is_not_bounded_as_it_begins_to_change(n_constant):
+    policies, rng = LinearPolicies(1, 1), np.random.default_rng(0)
+    policies.observe(np.zeros((n_constant, 1)))
+    for _ in range(100):
+        policies.observe(rng.normal(scale=1000.0, size=(100, 1)))
+    deviation = 1000.0 * np.sqrt(10_000 / (10_000 + n_constant))
+    assert np.sqrt(policies.state_dict()["var"]) == pytest.approx(deviation, rel=0.1)
+
+
 def test_children_are_near_their_parents_or_new():
     policies, rng = LinearPolicies(3, 2), np.random.default_rng(0)
     parents = policies.draw(rng, 2000)

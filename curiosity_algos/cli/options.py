@@ -27,8 +27,8 @@ def _completion(known: Iterable[str]) -> Callable[[str], list[str]]:
     return complete
 
 
-_WORDS = re.compile("(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
-"""The ends of words within the name of a class."""
+_WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z]\w)|(?<=[A-Z])(?=[A-Z][a-z])")
+"""The ends of words of two letters or more within the name of a class."""
 ALGOS = _completion([_WORDS.sub("_", name).lower() for name in KNOWN])
 ENVS = _completion(ENVIRONMENTS)
 BONUSES = _completion(("none", *BONUS_NAMES))

@@ -38,7 +38,8 @@ import os, sys
 import curiosity_algos
 from curiosity_algos.cli import main
 sys.argv = ["curiosity", *sys.argv[1:]]
-for asked in ("train --algo map_", "sweep --envs CuriosityMaze-U", "train --bonus rnd,nov"):
+asked = "train --algo map_", "train --algo a2", "sweep --envs CuriosityMaze-U"
+for asked in (*asked, "train --bonus rnd,nov"):
     os.environ |= {"_CURIOSITY_COMPLETE": "complete_bash", "COMP_WORDS": f"curiosity {asked}"}
     os.environ["COMP_CWORD"] = "3"
     try:
@@ -56,8 +57,8 @@ slow = ("torch", "stable_baselines3", "pandas", "matplotlib", "ribs", "sklearn")
 print([name for name in slow if name in sys.modules])
 """
     *printed, imported = run_python(code).splitlines()
-    completed = [word for word in printed if word][:3]
-    assert completed == ["map_elites", "CuriosityMaze-US-v0", "rnd,noveld"]
+    completed = [word for word in printed if word][:4]
+    assert completed == ["map_elites", "a2c", "CuriosityMaze-US-v0", "rnd,noveld"]
     assert {"Environments:", curiosity_gym.__version__} < set(printed)
     assert imported == "[]"
 

@@ -177,10 +177,9 @@ def in_words(values: pd.DataFrame) -> str:
     return (
         f"In {n_mazes} mazes, {n_mazes - len(MAZES)} of them drawn at random, `GoExplore` came to "
         f"the goal in {firsts.notna().sum()} of {len(runs)} runs, by observations and the sparse "
-        f"reward alone. It needed {firsts.median():.1f} "
-        f"M explored steps (median), and {firsts.max():.1f} M at most; with the ways from the "
-        f"start to where explorations began {whole.median():.1f} M, and {whole.max():.1f} M at "
-        "most."
+        f"reward alone. It explored for {firsts.median():.1f} M steps (median), and for "
+        f"{firsts.max():.1f} M at most. If it had walked to every restored state, it would have "
+        f"needed {whole.median():.1f} M steps, and {whole.max():.1f} M at most."
     )
 
 

@@ -22,6 +22,7 @@ ANT, HUMANOID = (f"CuriosityLocomotion-{name}Trap-v0" for name in ("Ant", "Human
 SHOWN = {
     "Ant, trained by robustify": ("PPO", ANT, 10, 3),
     "Ant, found by CuriosityES": ("CuriosityES", ANT, 6, 6),
+    "Humanoid, trained by robustify": ("PPO", HUMANOID, 10, 8),
     "Humanoid, found by CuriosityES": ("CuriosityES", HUMANOID, 6, 9),
 }
 """By title the algorithm, the environment, how many starts, and steps from picture to picture."""

@@ -126,6 +126,14 @@ def test_learning_leaves_the_data_of_its_runs(tmp_path, monkeypatch):
 
 
 @pytest.mark.nightly
+def test_no_policy_comes_back_at_a_weight_of_one():
+    kept = results.read_rows("ppo_kept")
+    assert (len(kept), kept["drawn"].max(), kept["best"].max()) == (9, 22, 0)
+    assert not kept.loc[kept["env"] == "CuriosityMaze-Hard-v0", "drawn"].any()
+    said = "22 of 100 episodes at most, in nine runs, and Hard's in none"
+    assert said in " ".join((tables.ROOT / "README.md").read_text().split())
+
+
 def test_kept_goals_are_counted_for_each_run(tmp_path, monkeypatch):
     """Of a goal as large as the maze, to which each policy comes, and of one that none comes to."""
     run = replace(bonuses.KEPT, settings={"n_steps": 8}, env_kwargs={"horizon": 100})

@@ -113,7 +113,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         self.observation_key = observation_key
         self.training = True
         self._make_memories(buffer_size, buffer_seed, steps_seed)
-        self.buffer_size = self.buffer.capacity
+        self.buffer_size = int(self.buffer.capacity)
         self._must_reset = False
         self._settled = {"buffer_size", "observation_key", "seed", "device"}
 

@@ -15,6 +15,8 @@ addEventListener("load", () => {
     // A screen reader forgets what these are once they are shown as blocks.
     table.setAttribute("role", "table");
     const names = [...table.tHead.rows[0].cells].map((cell) => cell.textContent.trim());
+    table.tHead.rows[0].setAttribute("role", "row");
+    for (const cell of table.tHead.rows[0].cells) cell.setAttribute("role", "columnheader");
     for (const row of [...table.tBodies].flatMap((body) => [...body.rows])) {
       row.setAttribute("role", "row");
       [...row.cells].forEach((cell, i) => {

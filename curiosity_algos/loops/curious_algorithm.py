@@ -30,7 +30,7 @@ class CuriousAlgorithm(EvolutionaryAlgorithm):
 
     bonus: str | Bonus = setting("apt", fixed=True)
     bonus_kwargs: dict[str, Any] | None = setting(
-        None, check_keywords, convert=lambda kwargs: copy.copy(kwargs or {}), fixed=True
+        None, check_keywords, convert=lambda kwargs: copy.copy(kwargs or {}), settled=True
     )
     n_transitions: int = setting(100, check_at_least_one, part="_motivation")
     n_updates: int = setting(32, check_at_least_one, part="_motivation")

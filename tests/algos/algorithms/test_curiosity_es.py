@@ -35,7 +35,7 @@ def test_a_loaded_model_may_learn_otherwise(make_model, make_maze, tmp_path):
     loaded = CuriosityES.load(tmp_path / "model", bonus_kwargs={"learning_rate": 0.01})
     assert loaded._motivation.bonus.optimizer.param_groups[0]["lr"] == 0.01
     with pytest.raises(ValueError, match="`bonus` must be made as the one that was saved"):
-        CuriosityES.load(tmp_path / "model", bonus="rnd")
+        CuriosityES.load(tmp_path / "model", bonus_kwargs={"horizon": 7, "n_features": 3})
 
 
 @pytest.mark.parametrize(("n_states", "place"), [(None, 0), (20, -1), (20, -2)])

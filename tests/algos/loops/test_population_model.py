@@ -153,7 +153,7 @@ class TestLoad:
             (CanonicalES, {"normalize_observations": True}),
             (MAPElites, {"n_cells": 3}),
             (CuriosityES, {"bonus": "rnd"}),
-            (CuriosityMAPElites, {"bonus_kwargs": {"learning_rate": 1e-2}}),
+            (CuriosityMAPElites, {"bonus": "rnd"}),
         ],
     )
     def test_so_does_what_parts_were_made_with(self, algorithm, other, make_model, make_maze, path):

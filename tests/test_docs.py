@@ -37,16 +37,18 @@ KEYWORDS = {
 PAGES = sorted(path for path in (DOCS / "algorithms").glob("*.md") if path.stem != "index")
 
 
-def test_an_algorithms_page_begins_with_all_its_arguments_and_methods():
+def test_an_algorithms_page_begins_with_an_example_then_its_arguments_and_methods():
     assert len(PAGES) >= 9
     for page in PAGES:
         title, *_ = page.read_text().splitlines()
         algorithm = title.removeprefix("# ")
         assert hasattr(curiosity_algos, algorithm)
-        first_section = page.read_text().split("\n## ")[1]
-        assert first_section.startswith("Arguments and methods")
-        assert f".. autoclass:: curiosity_algos.{algorithm}\n" in first_section
-        assert "   :members:\n   :inherited-members:\n" in first_section
+        example, arguments = page.read_text().split("\n## ")[1:3]
+        assert example.startswith("Example")
+        assert f"import {algorithm}\n" in example
+        assert arguments.startswith("Arguments and methods")
+        assert f".. autoclass:: curiosity_algos.{algorithm}\n" in arguments
+        assert "   :members:\n   :inherited-members:\n" in arguments
 
 
 HANDS_ON = [

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from statistics import median
 
-from benchmarks.measure import markdown, number
+from benchmarks.measure import Table, markdown, number
 from benchmarks.record import read_sections
 from benchmarks.results import FOLDER
 
@@ -90,9 +91,15 @@ HEADLINES = (
 
 
 def section(name: str) -> str:
-    """The tables of a section of `benchmarks.run`, after what they were measured on."""
+    """The tables of a section of `benchmarks.run`, and below them what they were measured on."""
     measured_on, made = read_sections(SPEED_FILE)[name]
-    return "\n".join([*measured_on, "", *(table.markdown(level=3) for table in made)]).rstrip()
+    return "\n".join([*map(_table, made), *measured_on])
+
+
+def _table(table: Table) -> str:
+    """Its title without the name of its section, as the page has headings of its own."""
+    title = table.title.partition(": ")[2]
+    return replace(table, title=title[0].upper() + title[1:]).markdown(level=3)
 
 
 def summary_of(lines: Sequence[Sequence[str]]) -> str:

@@ -122,10 +122,13 @@ TASKS = {
     ),
     **{
         f"{name}, perturbed": Task(
-            f"CuriosityMaze-{name}-v0", 1e7, 1e7, WITHIN_2, is_perturbed=True
+            f"CuriosityMaze-{name}-v0", 1e7, search=WITHIN_2, is_perturbed=True
         )
-        for name in MAZES
+        for name in ("Hard", "Snake", "US")
     },
+    "Labyrinth, perturbed": Task(
+        "CuriosityMaze-Labyrinth-v0", 2e6, search=GO_EXPLORE | WITHIN_2, is_perturbed=True
+    ),
     **{
         f"{name}, GoExplore": Task(f"CuriosityMaze-{name}-v0", 2e6, search=GO_EXPLORE)
         for name in MAZES

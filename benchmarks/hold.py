@@ -26,7 +26,8 @@ from benchmarks.gallery import with_few_colors
 from benchmarks.measure import markdown
 from benchmarks.pretrained import FOLDER as PACKAGE
 from benchmarks.results import FOLDER, add_rows, read_rows, read_runs
-from curiosity_algos import CuriosityES, evaluate_starts
+from curiosity_algos import evaluate_starts
+from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.experiments import film
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained
@@ -226,7 +227,8 @@ def _row(folder: Path) -> dict[str, Any]:
     result, search = robust.result, _search(folder)
     solved = result["starts"]["success"]
     if task.is_perturbed:
-        models = [CuriosityES.load(_model(folder / "search")), PPO.load(_model(folder / "robust"))]
+        found = find_algorithm(task.spec(0).algorithm).load(_model(folder / "search"))
+        models = [found, PPO.load(_model(folder / "robust"))]
         env = Perturbed(gym.make(task.env, **task.search["env_kwargs"]))
         search_solved, solved = (int(evaluate_starts(m, env).success.sum()) for m in models)
     elif task.search_timesteps is None:

@@ -19,12 +19,12 @@ _CUP, _FINGER, _STACKER = (
     f"control: CuriosityControl-{name}-v0" for name in ("BallInCup", "Finger", "Stacker")
 )
 _POOL = "envpool: a batch of environments"
-_START, _NOVELTY = "cold_start: fresh processes", "novelty: the archive"
+_START = "cold_start: fresh processes"
 HEADLINES = (
     (
         "56 policies in closed loop, one thread",
         f"{{{_SNAKE} | one thread}} M steps/s",
-        "Kheperax, jitted, snake with 32 lasers: "
+        "Kheperax on this CPU, jitted, snake with 32 lasers: "
         f"{{{_SNAKE} | Kheperax, snake, jitted and vmapped}} M steps/s",
         f"{{{_SNAKE} | one thread over Kheperax}}",
     ),
@@ -58,8 +58,8 @@ HEADLINES = (
     (
         "Stacker, 56 policies, two threads",
         f"{{{_STACKER} | all threads}} steps/s",
-        f"`AsyncVectorEnv` of 8 Shimmy envs: {{{_STACKER} | AsyncVectorEnv of 8}} steps/s",
-        f"{{{_STACKER} | all threads over AsyncVectorEnv of 8}}",
+        f"one env of Shimmy's: {{{_STACKER} | Shimmy's env}} steps/s",
+        f"{{{_STACKER} | all threads over Shimmy's env}}",
     ),
     *(
         (
@@ -79,12 +79,6 @@ HEADLINES = (
         f"{{{_START} | first step of CuriosityMaze-Hard-v0}} s",
         f"`CartPole-v1`: {{{_START} | first step of CartPole-v1}} s",
         "",
-    ),
-    (
-        "20 nearest of 500,000 behaviors, for a population of 56 that then enters",
-        f"{{{_NOVELTY} | x, y, vx, vy (4 dimensions)}} ms",
-        f"linear scan: {{{_NOVELTY} | x, y, vx, vy, linear scan}} ms",
-        f"{{{_NOVELTY} | x, y, vx, vy, scan over archive}}",
     ),
 )
 """What the README says of speed: what is measured, here, of a peer, and the ratio."""

@@ -13,6 +13,7 @@ from curiosity_algos.common.arrays import Float32Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.cells import VisitedCells
 from curiosity_algos.evaluation.environments import EnvObject, describe, env_attribute
 from curiosity_algos.evaluation.flat_spaces import is_vector
+from curiosity_algos.evaluation.found import FoundPolicies
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.state.check import check_like
 from curiosity_gym.core import CoverageGrid
@@ -172,13 +173,14 @@ class Firsts:
 
 
 class BestPolicy:
-    """The individual with the highest return so far.
+    """The individual with the highest return so far, and some of those that succeeded.
 
     Attributes:
         value: Its return; -inf before the first generation, where the next two mean nothing.
         seed: Of the reset of its episode.
         parameters: Its own (n_parameters,).
         has_reward: Whether any individual had a return other than 0, or succeeded.
+        found: The best of generations in which an individual succeeded.
     """
 
     def __init__(self, n_parameters: int) -> None:
@@ -186,6 +188,7 @@ class BestPolicy:
         self.seed = 0
         self.parameters: Float32Array = np.zeros(n_parameters, dtype=np.float32)
         self.has_reward = False
+        self.found = FoundPolicies(n_parameters)
 
     def add(self, parameters: Float32Array, rollouts: Rollouts, seed: int) -> None:
         """Take in a generation: parameters (P, n_parameters), and the seed of its episodes."""
@@ -198,14 +201,18 @@ class BestPolicy:
         if value > self.value or (is_first and value == self.value):
             self.value, self.seed = value, seed
             self.parameters = parameters[best].copy()
+        if rollouts.success[best] or value > 0.0:
+            self.found.see((parameters[best].copy(), seed))
 
     def state_dict(self) -> dict[str, Any]:
         """All attributes."""
-        return {**vars(self), "parameters": self.parameters.copy()}
+        own = {"parameters": self.parameters.copy(), "found": self.found.state_dict()}
+        return {**vars(self), **own}
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Take over what `state_dict` gave; ValueError for what that cannot give."""
         check_like(state, BestPolicy(len(self.parameters)).state_dict(), "best")
         if math.isnan(state["value"]) or state["seed"] < 0:
             raise ValueError("`best` must be one policy, with its return and a seed.")
-        vars(self).update(state, parameters=state["parameters"].copy())
+        self.found.load_state_dict(state["found"])
+        vars(self).update(state, parameters=state["parameters"].copy(), found=self.found)

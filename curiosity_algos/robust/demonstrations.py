@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos.algorithms.go_explore import GoExplore
@@ -48,6 +49,13 @@ class Demonstration:
     def __len__(self) -> int:
         """Steps of the episode."""
         return len(self.actions)
+
+    def first(self, n: int) -> Demonstration:
+        """The first n steps."""
+        seen = self.observations
+        is_dict = isinstance(seen, dict)
+        first = {key: part[:n] for key, part in seen.items()} if is_dict else seen[:n]
+        return replace(self, actions=self.actions[:n], observations=first)
 
 
 def demonstrate(policy: Any, env: gym.Env[Any, Any], seed: int) -> Demonstration:
@@ -99,13 +107,13 @@ def _play(
 
 
 def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration]:
-    """Episodes that succeeded, played again.
+    """Episodes that succeeded, played again: the best one, and up to nine from other starts.
 
     Args:
-        source: A population algorithm: its best policy and elites in other niches play. A
-            `GoExplore`: its best episode. An algorithm of Stable-Baselines3 whose
+        source: A population algorithm: its best policy plays, and policies that succeeded in other
+            generations. A `GoExplore`. An algorithm of Stable-Baselines3 whose
             `BonusVecEnvWrapper` saw episodes succeed, or the wrapper's `found.episodes`. Or a
-            Minari dataset: its best seeded episodes are taken.
+            Minari dataset: of its seeded episodes the best one is taken, and others of all returns.
         env: Environment like that of the source.
 
     Raises:
@@ -121,12 +129,22 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
             "`np_random` plays no episode again, and a bonus remembers none but those of single "
             "environments in a DummyVecEnv."
         )
-    return found
+    return _of_each_start(found)
+
+
+def _of_each_start(episodes: list[Demonstration]) -> list[Demonstration]:
+    """The first of those that begin alike: others lead the same way, and each has a front."""
+    kept: list[Demonstration] = []
+    for episode in episodes:
+        begins = episode.first(1).observations
+        if not any(data_equivalence(begins, other.first(1).observations) for other in kept):
+            kept.append(episode)
+    return kept
 
 
 def _episodes(source: Any, env: RecordEpisode) -> Iterator[Demonstration]:
     if isinstance(source, GoExplore):
-        source = source.episodes[:1]  # others lead the same way, and each has a front to move
+        source = source.episodes[:1]  # of one start
     if isinstance(source, EvolutionaryAlgorithm):
         return (demonstrate(policy, env, seed) for policy, seed in _policies(source))
     if hasattr(source, "iterate_episodes"):
@@ -149,15 +167,10 @@ def _policies(model: EvolutionaryAlgorithm) -> Iterator[tuple[MlpPolicy, int]]:
     """The policies to play, the best first, with the seeds of their episodes."""
     if model.best_episode_seed is not None:
         yield model.policy, model.best_episode_seed
-    archive = getattr(model, "archive", None)
-    elites = {} if archive is None else archive.data()
-    if "seed" not in elites:
-        return
-    ranked = np.argsort(-elites["objective"], kind="stable")[1:N_FOUND]
-    for i in ranked[elites["objective"][ranked] > 0.0]:
+    for parameters, seed in model._best.found.kept:
         policy = MlpPolicy(**model.policy._get_constructor_parameters())
-        policy.vector[:] = elites["solution"][i]
-        yield policy, int(elites["seed"][i])
+        policy.vector[:] = parameters
+        yield policy, seed
 
 
 def _of_dataset(dataset: Any) -> list[tuple[int, Array]]:
@@ -168,8 +181,12 @@ def _of_dataset(dataset: Any) -> list[tuple[int, Array]]:
     seeded = [(seed, each) for seed, each in episodes if isinstance(seed, int | np.integer)]
     if not seeded:
         raise ValueError("`model` must be a dataset of episodes whose resets were seeded.")
-    seeded.sort(key=lambda episode: -float(np.sum(episode[1].rewards)))
-    return [(int(seed), np.asarray(each.actions)) for seed, each in seeded[:N_FOUND]]
+    returns = np.array([np.sum(each.rewards) for _, each in seeded])
+    ranked = np.argsort(-returns, kind="stable")
+    ranked = ranked[returns[ranked] > 0.0] if returns.max() > 0.0 else ranked
+    # From the best to the last: where starts are drawn, the best ten began nearest to the goal.
+    chosen = ranked[np.unique(np.linspace(0, len(ranked) - 1, N_FOUND).round().astype(int))]
+    return [(int(seeded[i][0]), np.asarray(seeded[i][1].actions)) for i in chosen]
 
 
 # -- the file -------------------------------------------------------------------------------------

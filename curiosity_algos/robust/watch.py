@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -87,7 +86,7 @@ class Watch(BaseCallback):
         """Go on with what is ahead of the fronts: what PPO learns behind them unlearns it."""
         starts = self.starts
         ahead = [
-            _first(int(front), each)
+            each.first(int(front))
             for each, front in zip(starts.demonstrations, starts.fronts, strict=True)
             if front > 0
         ]
@@ -173,13 +172,6 @@ def gamma_of(demonstrations: Sequence[Demonstration]) -> float:
     """A discount that sees a third beyond the end of the longest demonstration, up to 2,000."""
     longest = max(len(each) for each in demonstrations)
     return float(np.clip(1.0 - 0.75 / longest, 0.99, 0.9995))
-
-
-def _first(n: int, demonstration: Demonstration) -> Demonstration:
-    """The first n steps, to be imitated."""
-    seen = demonstration.observations
-    first = {key: part[:n] for key, part in seen.items()} if isinstance(seen, dict) else seen[:n]
-    return replace(demonstration, actions=demonstration.actions[:n], observations=first)
 
 
 def progress_of(starts: DemonstrationStarts) -> dict[str, float]:

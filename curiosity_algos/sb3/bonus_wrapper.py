@@ -70,7 +70,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
 
     Attributes:
         metrics: Mean losses of the last training, which `ExplorationCallback` logs.
-        found: The best episodes that succeeded, see `robustify`.
+        found: Episodes that succeeded, see `robustify`.
         training: Whether it learns; False, as in SB3's VecNormalize: it only adds and scales.
 
     Each info has `reward_extrinsic`, the reward from below, and `reward_intrinsic`, `weight` times

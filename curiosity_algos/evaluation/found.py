@@ -11,7 +11,7 @@ from curiosity_algos.common.arrays import Array
 from curiosity_algos.state.check import check_like
 
 N_FOUND = 10
-"""Episodes that are kept, or learned from."""
+"""Episodes that are learned from, at most."""
 
 
 def is_success(info: Mapping[str, Any], total: float) -> bool:
@@ -59,7 +59,7 @@ def rank(episode: Mapping[str, Any]) -> tuple[float, int]:
 
 
 class Spread:
-    """Keeps up to nine of the things that it sees, evenly spread over all; no chance is in it.
+    """Keeps up to nineteen of the things that it sees, evenly spread over all, without chance.
 
     Attributes:
         kept: Those that are kept, in the order in which they came.
@@ -113,6 +113,6 @@ class FoundPolicies(Spread):
 def _stride(n: int) -> int:
     """From one of n things that is kept to the next: a power of two."""
     stride = 1
-    while n > stride * (N_FOUND - 1):
+    while n > stride * (2 * N_FOUND - 1):
         stride *= 2
     return stride

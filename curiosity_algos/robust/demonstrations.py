@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos.algorithms.go_explore import GoExplore
-from curiosity_algos.common.arrays import Array
+from curiosity_algos.common.arrays import Array, Int64Array
 from curiosity_algos.evaluation.flat_spaces import stack
 from curiosity_algos.evaluation.found import N_FOUND, is_success
 from curiosity_algos.evaluation.policies import MlpPolicy
@@ -107,7 +107,7 @@ def _play(
 
 
 def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration]:
-    """Episodes that succeeded, played again: the best one, and up to nine from other starts.
+    """Episodes that succeeded, played again: up to ten from different starts, the best first.
 
     Args:
         source: A population algorithm: its best policy plays, and policies that succeeded in other
@@ -129,7 +129,10 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
             "`np_random` plays no episode again, and a bonus remembers none but those of single "
             "environments in a DummyVecEnv."
         )
-    return _of_each_start(found)
+    different = _of_each_start(found)
+    # Where starts are drawn, the best ten would be those that began nearest to the goal.
+    different.sort(key=lambda episode: -episode.total)
+    return [different[i] for i in _from_first_to_last(len(different))]
 
 
 def _of_each_start(episodes: list[Demonstration]) -> list[Demonstration]:
@@ -140,6 +143,11 @@ def _of_each_start(episodes: list[Demonstration]) -> list[Demonstration]:
         if not any(data_equivalence(begins, other.first(1).observations) for other in kept):
             kept.append(episode)
     return kept
+
+
+def _from_first_to_last(n: int) -> Int64Array:
+    """Ten of n places, among them the first and the last."""
+    return np.linspace(0, n - 1, min(n, N_FOUND)).round().astype(np.int64)
 
 
 def _episodes(source: Any, env: RecordEpisode) -> Iterator[Demonstration]:
@@ -184,8 +192,7 @@ def _of_dataset(dataset: Any) -> list[tuple[int, Array]]:
     returns = np.array([np.sum(each.rewards) for _, each in seeded])
     ranked = np.argsort(-returns, kind="stable")
     ranked = ranked[returns[ranked] > 0.0] if returns.max() > 0.0 else ranked
-    # From the best to the last: where starts are drawn, the best ten began nearest to the goal.
-    chosen = ranked[np.unique(np.linspace(0, len(ranked) - 1, N_FOUND).round().astype(int))]
+    chosen = ranked[_from_first_to_last(len(ranked))]
     return [(int(seeded[i][0]), np.asarray(seeded[i][1].actions)) for i in chosen]
 
 

@@ -14,7 +14,7 @@ from curiosity_algos.state.episodes import are_recorded
 
 
 class FoundEpisodes:
-    """Keeps the best successful episode and nine of all others, if environments are recorded.
+    """Keeps the best successful episode and some of all others, if environments are recorded.
 
     Where starts are drawn, the best ten would be those that began nearest to the goal.
 

@@ -14,7 +14,7 @@ def test_what_is_kept_is_spread_over_all_that_was_seen(n):
     for i in range(n):
         spread.see(i)
     assert spread.n_seen == n
-    assert min(n, N_FOUND // 2) <= len(spread.kept) < N_FOUND
+    assert min(n, N_FOUND) <= len(spread.kept) < 2 * N_FOUND
     assert len(set(np.diff(spread.kept))) <= 1
     assert spread.kept[:1] == [0][:n]
     stride = spread.kept[1] if len(spread.kept) > 1 else 1

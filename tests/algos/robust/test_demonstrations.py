@@ -40,14 +40,14 @@ def test_an_episode_is_followed_bit_for_bit(assert_same):
 
 def test_a_wrapper_keeps_the_best_episode_that_succeeds_and_others_wherever_they_began():
     found = walk_with_bonus().found.episodes
-    assert N_FOUND // 2 < len(found) <= N_FOUND
+    assert N_FOUND < len(found) <= 2 * N_FOUND
     best, *others = (episode["total"] for episode in found)
     assert best == max(best, *others)
     assert others != sorted(others, reverse=True)
     again = demonstrations_of(found, Walk())
     assert again[0].total == pytest.approx(best, rel=1e-6)
-    assert {round(each.total, 4) for each in again} == {round(each["total"], 4) for each in found}
-    assert len({episode.observations[0, 0] for episode in again}) == len(again)  # starts are drawn
+    assert again[-1].total == pytest.approx(min(others), rel=1e-6)
+    assert len({episode.observations[0, 0] for episode in again}) == N_FOUND  # starts are drawn
 
 
 @pytest.mark.parametrize("algorithm", [CuriosityES, NSLC])

@@ -154,7 +154,8 @@ def summary(folder: Path) -> str:
     if shares:
         words.append(f"coverage {', '.join(shares)}")
     if starts := result.get("starts"):
-        words.append(f"succeeds from {in_words(starts['success'], starts['n'])}")
+        found = in_words(starts["success"], starts["n"])
+        words.append(f"succeeds by its best actions from {found}")
     return f"{folder}: {', '.join(words)}"
 
 

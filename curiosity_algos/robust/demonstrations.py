@@ -58,10 +58,12 @@ class Demonstration:
         return replace(self, actions=self.actions[:n], observations=first)
 
 
-def demonstrate(policy: Any, env: gym.Env[Any, Any], seed: int) -> Demonstration:
-    """Play an episode by the best actions of anything that has `predict`."""
+def demonstrate(
+    policy: Any, env: gym.Env[Any, Any], seed: int, *, deterministic: bool = True
+) -> Demonstration:
+    """Play an episode by the actions of anything that has `predict`, the best ones or drawn."""
     observation, info = env.reset(seed=seed)
-    return _play(env, seed, observation, info, actor(policy))
+    return _play(env, seed, observation, info, actor(policy, deterministic=deterministic))
 
 
 def follow(env: RecordEpisode, start: Start, actions: Array) -> Demonstration:
@@ -70,12 +72,12 @@ def follow(env: RecordEpisode, start: Start, actions: Array) -> Demonstration:
     return _play(env, start, *env.begin(start), lambda _: next(steps, None))
 
 
-def actor(policy: Any, n: int = 1) -> Callable[[Any], Any]:
-    """The best actions of a policy in n episodes from their beginnings on, whose state it keeps."""
+def actor(policy: Any, n: int = 1, *, deterministic: bool = True) -> Callable[[Any], Any]:
+    """A policy's actions in n episodes from their beginnings on, whose state it keeps."""
     memory: dict[str, Any] = {}
 
     def act(observations: Any) -> Any:
-        actions, state = policy.predict(observations, deterministic=True, **memory)
+        actions, state = policy.predict(observations, deterministic=deterministic, **memory)
         if state is not None:
             memory.update(state=state, episode_start=np.zeros(n, dtype=np.bool_))
         return actions

@@ -10,17 +10,20 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch as th
+from gymnasium import spaces
 from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
 from scipy.stats import binomtest
 
 from curiosity_algos.common.arrays import Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.evaluation.environments import MakeEnv
 from curiosity_algos.robust.demonstrations import actor, demonstrate, follow
 from curiosity_algos.sb3.gymnasium_vec_env import native_batch
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
-from curiosity_gym.validation import check_at_least_one, check_seed
+from curiosity_gym.validation import check_at_least_one, check_bool, check_seed
 
 N_STARTS = 100
 """Starts that a policy is tested from, unless a user says another number."""
@@ -90,28 +93,45 @@ def n_different(env: gym.Env[Any, Any]) -> int:
 
 
 def evaluate_starts(
-    model: Any, env: gym.Env[Any, Any] | str, n: int = N_STARTS, *, seed: int = UNSEEN
+    model: Any,
+    env: gym.Env[Any, Any] | str | MakeEnv,
+    n: int = N_STARTS,
+    *,
+    seed: int = UNSEEN,
+    deterministic: bool = True,
 ) -> Starts:
-    """Play one episode from each of `n` starts, by the best actions.
+    """Play one episode from each of `n` starts.
 
     Args:
         model: Anything with SB3's `predict`.
-        env: A seeded environment, or an id.
+        env: A seeded environment, an id, or a function that makes an environment.
         n: Number of starts.
-        seed: Of the first start; the others count up from there.
+        seed: Of the first start; the others count up from there. Of drawn actions, too.
+        deterministic: Whether the policy takes its best actions, or draws them as in training:
+            of a policy that draws them the two may succeed from quite different shares.
 
     Raises:
-        ValueError: If an argument is out of its range.
+        ValueError: If an argument is out of its range, `env` has other spaces than the model, or
+            the model has a VecNormalize, without which it acts otherwise.
 
     Warns:
         UserWarning: If several episodes were asked for, and all seem to be the same.
     """
     check_at_least_one(n=n)
     check_seed(seed)
-    opened = gym.make(env) if isinstance(env, str) else env
-    closed = closing(opened) if isinstance(env, str) else nullcontext()
-    with closed, single_torch_thread():  # small networks are slower on several
-        starts = _play(model, opened, n, seed)
+    check_bool(deterministic=deterministic)
+    if getattr(model, "get_vec_normalize_env", lambda: None)() is not None:
+        raise ValueError(
+            "`model` must see observations as `env` gives them, and a VecNormalize standardizes "
+            "them: use Stable-Baselines3's evaluate_policy."
+        )
+    opened = _open(env)
+    closed = nullcontext() if opened is env else closing(opened)
+    # Small networks are slower on several threads.
+    with closed, single_torch_thread(), th.random.fork_rng(devices=[]):
+        _check_spaces(model, opened)
+        th.manual_seed(seed)
+        starts = _play(model, opened, n, seed, deterministic)
         if n > 1 and np.ptp(starts.returns) == 0.0 and not is_drawn(opened):
             warnings.warn(
                 f"`env` seems to have one start: the {n} episodes gave the same return, and so did "
@@ -122,21 +142,48 @@ def evaluate_starts(
     return starts
 
 
-def _play(model: Any, env: gym.Env[Any, Any], n: int, seed: int) -> Starts:
+def _open(env: Any) -> gym.Env[Any, Any]:
+    opened = gym.make(env) if isinstance(env, str) else env
+    opened = opened() if callable(opened) else opened
+    if not isinstance(opened, gym.Env):
+        raise ValueError(
+            "`env` must be an id, an environment or a function that makes one, got "
+            f"{type(env).__name__}."
+        )
+    return opened
+
+
+def _check_spaces(model: Any, env: gym.Env[Any, Any]) -> None:
+    for name in ("observation_space", "action_space"):
+        own, given = getattr(model, name, None), getattr(env, name)
+        if isinstance(own, gym.Space) and not _is_alike(own, given):
+            raise ValueError(f"`env` must have the {name} of the model, {own}, got {given}.")
+
+
+def _is_alike(own: Any, given: Any) -> bool:
+    """Whether spaces differ at most in bounds, and in where images have their channels."""
+    if isinstance(own, spaces.Box) and isinstance(given, spaces.Box):
+        return sorted(own.shape) == sorted(given.shape)
+    if isinstance(own, spaces.Dict) and isinstance(given, spaces.Dict):
+        return own.keys() == given.keys() and all(_is_alike(own[key], given[key]) for key in own)
+    return bool(own == given)
+
+
+def _play(model: Any, env: gym.Env[Any, Any], n: int, seed: int, deterministic: bool) -> Starts:
     if (envs := native_batch(env.spec, n, AutoresetMode.NEXT_STEP)) is not None:
         with closing(envs):
-            return _play_batch(model, envs, seed)
-    played = (demonstrate(model, env, seed + i) for i in range(n))
+            return _play_batch(model, envs, seed, deterministic)
+    played = (demonstrate(model, env, seed + i, deterministic=deterministic) for i in range(n))
     success, totals = zip(*((each.success, each.total) for each in played), strict=True)
     return Starts(np.array(success), np.array(totals))
 
 
-def _play_batch(model: Any, envs: EpisodicVectorEnv, seed: int) -> Starts:
+def _play_batch(model: Any, envs: EpisodicVectorEnv, seed: int, deterministic: bool) -> Starts:
     """One episode of each env, all at once."""
     is_open = np.ones(envs.num_envs, dtype=np.bool_)
     returns, success = np.zeros(envs.num_envs), ~is_open
     observations, _ = envs.reset(seed=seed)
-    act = actor(model, envs.num_envs)
+    act = actor(model, envs.num_envs, deterministic=deterministic)
     while is_open.any():
         observations, rewards, terminated, truncated, infos = envs.step(act(observations))
         returns += rewards * is_open

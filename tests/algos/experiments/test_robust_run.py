@@ -51,7 +51,7 @@ def test_the_policy_works_and_is_a_run_as_others(search, tmp_path):
     starts = robustify_run(search, tmp_path, timesteps=1e5)
     assert starts.share >= 0.95
     run = Run(tmp_path)
-    assert run.description["algorithm"] == "PPO"
+    assert run.description["algorithm"] == "PPO + demonstrations"
     assert run.description["vec_env"]["wrappers"]["FreshMonitor"]["scale"] > 6.0
     assert run.progress["robust/tested"].iloc[-1] >= 0.95
     assert run.result["timesteps"] < 1e5
@@ -67,7 +67,7 @@ def test_a_run_says_from_how_many_unseen_starts_its_policy_succeeds(search, tmp_
     model = CuriosityES.load(RunFolder(search).checkpoint / "model", env=env)
     success = evaluate_starts(model, env).success
     assert noted == {"n": 100, "success": success.sum()}
-    assert f"succeeds from {noted['success']} of 100 starts" in summary(search)
+    assert f"succeeds by its best actions from {noted['success']} of 100" in summary(search)
     one_start = RunSpec("canonical_es", "CuriosityMaze-Hard-v0", 0, 1, {"goal_radius": 150.0})
     train(one_start, tmp_path)
     assert Run(tmp_path).result["first_success_timesteps"]

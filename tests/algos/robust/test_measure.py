@@ -6,7 +6,11 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch as th
 from gymnasium.spaces import Box
+from gymnasium.wrappers import TransformAction
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from walk import Right, Walk
 
 from curiosity_algos.robust.measure import N_STARTS, Starts, evaluate_starts, n_different
@@ -38,6 +42,47 @@ def test_mistakes_are_one_sentence():
         evaluate_starts(Right(), Walk(), 0)
     with pytest.raises(ValueError, match="`seed`"):
         evaluate_starts(Right(), Walk(), seed=-1)
+    with pytest.raises(ValueError, match="`deterministic`"):
+        evaluate_starts(Right(), Walk(), deterministic="no")
+    for env in (DummyVecEnv([Walk]), None, list):
+        with pytest.raises(ValueError, match="`env` must be an id, an environment or a function"):
+            evaluate_starts(Right(), env)
+    model = PPO("MlpPolicy", Walk(), device="cpu")
+    with pytest.raises(ValueError, match="`env` must have the observation_space of the model"):
+        evaluate_starts(model, gym.make("Pendulum-v1"))
+    with pytest.raises(ValueError, match="`env` must have the action_space of the model"):
+        evaluate_starts(model, partial(TransformAction, Walk(), abs, Box(-1, 1, (2,))))
+    model.set_env(VecNormalize(DummyVecEnv([Walk])))
+    with pytest.raises(ValueError, match="`model` must see observations as `env` gives them"):
+        evaluate_starts(model, Walk())
+
+
+def test_images_may_have_their_channels_first():
+    class Seen(Walk):
+        observation_space = Box(0, 255, (36, 48, 3), np.uint8)
+
+        def _observation(self):
+            return np.full((36, 48, 3), self.t, np.uint8)
+
+    env = Seen()
+    model = PPO("CnnPolicy", env, n_steps=8, device="cpu")
+    assert model.observation_space.shape == (3, 36, 48)
+    assert len(evaluate_starts(model, env, 1).success) == 1
+
+
+def test_actions_may_be_drawn_as_in_training():
+    model = PPO("MlpPolicy", Walk(), seed=0, device="cpu")
+    before = th.get_rng_state()
+    drawn = [evaluate_starts(model, Walk, 3, deterministic=False).returns for _ in range(2)]
+    np.testing.assert_array_equal(*drawn)
+    assert th.equal(th.get_rng_state(), before)
+
+    class Drawn(Right):
+        def predict(self, observation, deterministic=True):
+            return super().predict(observation)[0] * (0.1 if deterministic else 1.0), None
+
+    assert evaluate_starts(Drawn(), Walk, 3, deterministic=False).success.all()
+    assert not evaluate_starts(Drawn(), Walk, 3).success.any()
 
 
 class Shake:

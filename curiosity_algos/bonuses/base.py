@@ -110,7 +110,7 @@ def check_needs_no_episodes(bonus: Bonus, holder: str) -> None:
     if bonus.episodes(1) is not None:
         raise ValueError(
             f"`bonus` must be one of single transitions in {holder}, {bonus.name} asks what an "
-            "episode has seen before."
+            "episode has seen before: take apt, disagreement, icm, ramp or rnd."
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from functools import partial
 from typing import Any, ClassVar, TypedDict
 
@@ -111,6 +112,15 @@ class CuriosityKeywords(TypedDict, total=False):
     train_interval: int | None
     n_updates: int
     batch_size: int
+
+
+def check_keywords_of(holder: type, given: Mapping[str, Any]) -> None:
+    """Raise TypeError, as Python does, if what adds a bonus to rewards is given another keyword."""
+    known = CuriosityKeywords.__annotations__
+    for name in given.keys() - known.keys():
+        near = get_close_matches(name, known, n=1)
+        meant = f": did you mean {near[0]}?" if near else "."
+        raise TypeError(f"{holder.__name__} got an unexpected keyword argument {name!r}{meant}")
 
 
 class Curiosity(HasSettings):

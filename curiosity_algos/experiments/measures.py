@@ -146,7 +146,8 @@ def logged(run: Run, column: str) -> Points:
     """Timesteps and values of the rows of the log that have both."""
     progress = run.progress
     if len(progress) and column not in progress:
-        raise ValueError(f"`runs` must have {column} in progress.csv, {run} has not.")
+        without = " Without behaviors there is no coverage." if "coverage" in column else ""
+        raise ValueError(f"`runs` must have {column} in progress.csv, {run} has not.{without}")
     rows = progress.reindex(columns=[TIMESTEPS, column]).apply(pd.to_numeric, errors="coerce")
     timesteps, values = rows.dropna().to_numpy(dtype=np.float64).T
     return timesteps, values

@@ -204,6 +204,11 @@ class RunSpec:
             is_changed = self.repeat_action > 1 or self.wrappers
             opened: VecEnv = open_env(make) if is_changed else open_env(self.env, **self.env_kwargs)
             return opened
+        except ModuleNotFoundError as error:
+            module, missing = self.env.partition(":")[0], error.__cause__ or error
+            if not f"{module}.".startswith(f"{getattr(missing, 'name', None)}."):
+                raise  # it is what that module imports
+            raise ValueError(f"`env` {self.env} needs a module: {missing}.") from error
         except TypeError as error:
             message = str(error.__cause__ or error)  # Gymnasium repeats all keywords in its own
             named = [f"{quote}{name}{quote}" for name in self.env_kwargs for quote in "'`"]

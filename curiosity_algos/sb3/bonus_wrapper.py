@@ -23,7 +23,12 @@ from curiosity_algos.bonuses.transitions import RecentSteps
 from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread, torch_device
-from curiosity_algos.curiosity.curiosity import Curiosity, CuriosityKeywords, OfCuriosity
+from curiosity_algos.curiosity.curiosity import (
+    Curiosity,
+    CuriosityKeywords,
+    OfCuriosity,
+    check_keywords_of,
+)
 from curiosity_algos.evaluation.batches import terminations
 from curiosity_algos.evaluation.environments import env_name
 from curiosity_algos.evaluation.flat_spaces import FlatActions
@@ -95,6 +100,7 @@ class BonusVecEnvWrapper(HasSettings, VecEnvWrapper):
         device: th.device | str = "auto",
         **curiosity: Unpack[CuriosityKeywords],
     ) -> None:
+        check_keywords_of(type(self), curiosity)
         _check_venv(venv)
         if buffer_size is not None:
             check_at_least_one(buffer_size=buffer_size)

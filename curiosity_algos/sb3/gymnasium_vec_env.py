@@ -47,6 +47,11 @@ class GymnasiumVecEnv(VecEnv):
     """
 
     def __init__(self, vector_env: VectorEnv[Any, Any, Any]) -> None:
+        if not hasattr(vector_env, "num_envs"):  # EnvPool's are of another class
+            raise ValueError(
+                "`vector_env` must be a VectorEnv, as `gymnasium.make_vec` makes it, got "
+                f"{type(vector_env).__name__}."
+            )
         mode = vector_env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
         self._begins_itself = AutoresetMode(mode) == AutoresetMode.SAME_STEP
         if not self._begins_itself:

@@ -22,7 +22,12 @@ from curiosity_algos.bonuses.views import View
 from curiosity_algos.common.arrays import Array, Int64Array, Mask
 from curiosity_algos.common.generators import generator_state, load_generator_state
 from curiosity_algos.common.networks import single_torch_thread
-from curiosity_algos.curiosity.curiosity import Curiosity, CuriosityKeywords, OfCuriosity
+from curiosity_algos.curiosity.curiosity import (
+    Curiosity,
+    CuriosityKeywords,
+    OfCuriosity,
+    check_keywords_of,
+)
 from curiosity_algos.evaluation.rollouts import check_observations
 from curiosity_algos.sb3.observations import ObservationRows, check_sb3_takes
 from curiosity_algos.state import file
@@ -106,6 +111,7 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         seed: int | np.random.SeedSequence | None = None,
         **curiosity: Unpack[CuriosityKeywords],
     ) -> None:
+        check_keywords_of(type(self), curiosity)
         check_at_least_one(buffer_size=buffer_size)
         check_sb3_takes(observation_space)
         if optimize_memory_usage:
@@ -156,8 +162,12 @@ class BonusReplayBuffer(HasSettings, ReplayBuffer):
         """Add as SB3 does, but nothing that would train networks to NaN.
 
         Raises:
-            ValueError: If an observation or a reward is not finite.
+            ValueError: If an observation or a reward is not finite, or has a bonus already.
         """
+        if "reward_intrinsic" in infos[0]:
+            raise ValueError(
+                "`env` must have no BonusVecEnvWrapper: BonusReplayBuffer adds a bonus itself."
+            )
         for observations in (obs, next_obs):
             entries = observations.values() if isinstance(observations, dict) else [observations]
             for entry in entries:

@@ -27,9 +27,10 @@ class SettleCallback(BaseCallback):
 
     The three belong to the model. They are therefore saved with it, and training that continues
     from a file goes on with them. The last episodes are those of Stable-Baselines3's statistics,
-    100 unless `stats_window_size` says otherwise. An episode succeeds if its last info says so
-    (`is_success`). In a task that reports no success it does if a Monitor below the bonus saw a
-    return above 0: do not use this callback where every return is above 0.
+    100 unless `stats_window_size` says otherwise. An episode succeeds if its last info says so:
+    `is_success`, which must be there after failures, too. In a task that reports no success it does
+    if a Monitor below the bonus saw a return above 0: do not use this callback where every return
+    is above 0.
 
     Args:
         timesteps: Steps of all environments in which the learning rate shrinks to 1 / e, above 0:

@@ -32,6 +32,14 @@ def test_settings_name_their_folder():
     [
         (RunSpec("nses", "CuriosityMaze-UZ-v0", 0, 1), r"mean CuriosityMaze-US-v0\? MODULE:ID"),
         (
+            RunSpec("nses", "no_such:My-v0", 0, 1),
+            "`env` no_such:My-v0 needs a module: No module named 'no_such'",
+        ),
+        (
+            RunSpec("ppo", "walk.no:My-v0", 0, 1),
+            "`env` walk.no:My-v0 needs a module: No module named 'walk.no'",
+        ),
+        (
             RunSpec("nses", US, 0, 1, {}, {"sigm": 1}),
             "sigm is unknown: did you mean sigma",
         ),

@@ -191,6 +191,10 @@ class TestMistakes:
         with pytest.raises(ValueError, match="`vector_env` must begin an episode in"):
             GymnasiumVecEnv(make())
 
+    def test_a_single_environment(self):
+        with pytest.raises(ValueError, match=r"`vector_env` must be a VectorEnv, .* got Time"):
+            GymnasiumVecEnv(gym.make("CartPole-v1", disable_env_checker=True))
+
     def test_not_all_envs_step_at_once(self):
         pool = Pool(make_sync(AutoresetMode.NEXT_STEP))
         pool.is_async = True

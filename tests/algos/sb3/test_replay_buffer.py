@@ -366,6 +366,24 @@ def test_bad_settings_are_named(settings, said):
         make_buffer(**settings)
 
 
+@pytest.mark.parametrize(
+    ("holder", "arguments"),
+    [(BonusReplayBuffer, (9, OBSERVATIONS, None)), (BonusVecEnvWrapper, (None,))],
+)
+def test_unknown_keywords_are_told_the_nearest(holder, arguments):
+    said = rf"^{holder.__name__} got an unexpected keyword argument 'wieght': did you mean weight\?"
+    with pytest.raises(TypeError, match=said):
+        holder(*arguments, wieght=1.0)
+
+
+def test_one_bonus_is_enough():
+    venv = BonusVecEnvWrapper(DummyVecEnv([lambda: gym.make("Pendulum-v1")]), bonus="rnd")
+    sac = stable_baselines3.SAC
+    model = sac("MlpPolicy", venv, replay_buffer_class=BonusReplayBuffer, buffer_size=100)
+    with pytest.raises(ValueError, match="`env` must have no BonusVecEnvWrapper"):
+        model.learn(2)
+
+
 def test_observations_of_another_dtype_are_those_that_are_held():
     """As SubprocVecEnv hands on what an environment returns in float64."""
     buffer = make_buffer()

@@ -139,7 +139,8 @@ class Places:
         parts = np.split(state["actions"], state["ends"][:-1])
         trails = [self._start]
         for before, actions in list(zip(state["before"], parts, strict=True))[1:]:
-            trails.append(trails[before].then(actions))
+            # A copy's trails have roots of their own.
+            trails.append((self._start if before < 0 else trails[before]).then(actions))
         columns = zip(state["trails"], state["totals"], state["times_chosen"], strict=True)
         places = [Place(trails[i], float(total), None, int(n)) for i, total, n in columns]
         self._places = dict(zip(state["numbers"].tolist(), places, strict=True))

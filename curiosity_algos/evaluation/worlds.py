@@ -256,7 +256,7 @@ class OneWorld(Worlds):
         if not self._is_copied:
             return [None]
         try:
-            return [(copy.deepcopy(self._env), self._last)]
+            return [copy.deepcopy((self._env, self._last))]
         except Exception as error:  # whatever an environment's parts raise
             raise ValueError(
                 f"`is_copied` must be False for `env`, which cannot be copied: {error}."

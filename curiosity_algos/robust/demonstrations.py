@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +10,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos.algorithms.go_explore import GoExplore
@@ -58,12 +58,10 @@ class Demonstration:
         return replace(self, actions=self.actions[:n], observations=first)
 
 
-def demonstrate(
-    policy: Any, env: gym.Env[Any, Any], seed: int, *, deterministic: bool = True
-) -> Demonstration:
-    """Play an episode by the actions of anything that has `predict`, the best ones or drawn."""
+def demonstrate(policy: Any, env: gym.Env[Any, Any], seed: int) -> Demonstration:
+    """Play an episode by the best actions of anything that has `predict`."""
     observation, info = env.reset(seed=seed)
-    return _play(env, seed, observation, info, actor(policy, deterministic=deterministic))
+    return _play(env, seed, observation, info, actor(policy))
 
 
 def follow(env: RecordEpisode, start: Start, actions: Array) -> Demonstration:
@@ -98,7 +96,7 @@ def _play(
         if action is None:
             break
         actions.append(action)
-        observations.append(observation)
+        observations.append(copy.deepcopy(observation))  # some environments write into their own
         observation, reward, terminated, truncated, info = env.step(action)
         total += float(reward)
         if terminated or truncated:
@@ -137,12 +135,21 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
     return [different[i] for i in _from_first_to_last(len(different))]
 
 
+def is_same(one: Any, other: Any) -> bool:
+    """Whether observations, or stacks of them, are the same in every bit."""
+    if isinstance(one, dict):
+        return all(is_same(one[key], other[key]) for key in one)
+    if isinstance(one, tuple):
+        return all(map(is_same, one, other))
+    return np.array_equal(one, other)
+
+
 def _of_each_start(episodes: list[Demonstration]) -> list[Demonstration]:
     """The first of those that begin alike: others lead the same way, and each has a front."""
     kept: list[Demonstration] = []
     for episode in episodes:
         begins = episode.first(1).observations
-        if not any(data_equivalence(begins, other.first(1).observations) for other in kept):
+        if not any(is_same(begins, other.first(1).observations) for other in kept):
             kept.append(episode)
     return kept
 

@@ -12,14 +12,15 @@ import gymnasium as gym
 import numpy as np
 import torch as th
 from gymnasium import spaces
-from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
 from scipy.stats import binomtest
 
 from curiosity_algos.common.arrays import Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import MakeEnv
-from curiosity_algos.robust.demonstrations import actor, demonstrate, follow
+from curiosity_algos.evaluation.found import is_success
+from curiosity_algos.evaluation.vector import most_steps
+from curiosity_algos.robust.demonstrations import actor, follow, is_same
 from curiosity_algos.sb3.gymnasium_vec_env import native_batch
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
@@ -28,7 +29,7 @@ from curiosity_gym.validation import check_at_least_one, check_bool, check_seed
 N_STARTS = 100
 """Starts that a policy is tested from, unless a user says another number."""
 N_COMPARED = 20
-"""Steps of two episodes that are compared, to see whether chance has a part in them."""
+"""Episodes, and steps of each, that are compared to see whether chance has a part in them."""
 UNSEEN = 10_000
 """The first seed of starts that no search has played, unless a user says another."""
 
@@ -83,8 +84,11 @@ def is_drawn(env: gym.Env[Any, Any]) -> bool:
     actions.seed(UNSEEN)
     taken = np.array([actions.sample() for _ in range(N_COMPARED)])
     recorded = RecordEpisode(env)
-    one, other = (follow(recorded, UNSEEN + i, taken).observations for i in range(2))
-    return not data_equivalence(one, other)
+    first, *others = (follow(recorded, UNSEEN + i, taken) for i in range(N_COMPARED))
+    return not all(
+        each.total == first.total and is_same(each.observations, first.observations)
+        for each in others
+    )
 
 
 def n_different(env: gym.Env[Any, Any]) -> int:
@@ -120,6 +124,7 @@ def evaluate_starts(
     check_at_least_one(n=n)
     check_seed(seed)
     check_bool(deterministic=deterministic)
+    seed = int(seed)  # numpy's, too
     if getattr(model, "get_vec_normalize_env", lambda: None)() is not None:
         raise ValueError(
             "`model` must see observations as `env` gives them, and a VecNormalize standardizes "
@@ -135,7 +140,7 @@ def evaluate_starts(
         if n > 1 and np.ptp(starts.returns) == 0.0 and not is_drawn(opened):
             warnings.warn(
                 f"`env` seems to have one start: the {n} episodes gave the same return, and so did "
-                f"{N_COMPARED} random steps from two of the starts. `start_radius` gives a "
+                f"{N_COMPARED} random steps from {N_COMPARED} starts. `start_radius` gives a "
                 "CuriosityMaze others.",
                 stacklevel=2,
             )
@@ -170,12 +175,26 @@ def _is_alike(own: Any, given: Any) -> bool:
 
 
 def _play(model: Any, env: gym.Env[Any, Any], n: int, seed: int, deterministic: bool) -> Starts:
-    if (envs := native_batch(env.spec, n, AutoresetMode.NEXT_STEP)) is not None:
+    if (envs := native_batch(env, n, AutoresetMode.NEXT_STEP)) is not None:
         with closing(envs):
             return _play_batch(model, envs, seed, deterministic)
-    played = (demonstrate(model, env, seed + i, deterministic=deterministic) for i in range(n))
-    success, totals = zip(*((each.success, each.total) for each in played), strict=True)
+    played = [_play_one(model, env, seed + i, deterministic) for i in range(n)]
+    success, totals = zip(*played, strict=True)
     return Starts(np.array(success), np.array(totals))
+
+
+def _play_one(
+    model: Any, env: gym.Env[Any, Any], seed: int, deterministic: bool
+) -> tuple[bool, float]:
+    """Whether an episode succeeds, and its return; nothing that it observes is kept."""
+    observation, info = env.reset(seed=seed)
+    act, total = actor(model, deterministic=deterministic), 0.0
+    for _ in range(most_steps(env)):
+        observation, reward, terminated, truncated, info = env.step(act(observation))
+        total += float(reward)
+        if terminated or truncated:
+            break
+    return is_success(info, total), total
 
 
 def _play_batch(model: Any, envs: EpisodicVectorEnv, seed: int, deterministic: bool) -> Starts:

@@ -19,6 +19,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
+from curiosity_algos.evaluation.evaluator import check_constant
 from curiosity_algos.evaluation.flat_spaces import is_vector
 from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
 from curiosity_algos.robust.imitation import Standardized, imitate, standardize
@@ -174,12 +175,19 @@ class Training:
         with ExitStack() as stack:
             venv = open_batch(make, N_ENVS)
             stack.callback(venv.close)
+            check_constant(venv)
+            if np.any(np.asarray(getattr(venv.action_space, "start", 0))):
+                raise ValueError(f"`env` must take actions from 0 on, got {venv.action_space}.")
             self.starts = DemonstrationStarts(venv, demonstrations, seed=starts_seed)
+            # Where a success is known by `is_success` alone, it is paid.
+            is_paid = any(each.total for each in demonstrations)
+            last = self.starts.last_reward if is_paid else 1.0
+            scale = _scale(demonstrations) if is_paid else RETURN
+            self.env = FreshMonitor(self.starts, last, scale=scale)
+            gamma = gamma_of(demonstrations)
+            with single_torch_thread():  # orthogonal weights, too, differ in last bits with more
+                self.model = _make_ppo(self.env, gamma, seed=ppo_seed, **learner)
             stack.pop_all()
-        last, scale = self.starts.last_reward, _scale(demonstrations)
-        self.env = FreshMonitor(self.starts, last, scale=scale)
-        with single_torch_thread():  # orthogonal weights, too, differ in last bits with more
-            self.model = _make_ppo(self.env, gamma_of(demonstrations), seed=ppo_seed, **learner)
 
     def begin(self) -> None:
         """Imitate the demonstrations."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from contextlib import closing
+from typing import Any, cast
 
 import torch as th
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.type_aliases import MaybeCallback
+from stable_baselines3.common.vec_env import VecEnv
 
 from curiosity_algos.algorithms.go_explore import GoExplore
 from curiosity_algos.evaluation.environments import MakeEnv
@@ -76,7 +78,8 @@ def solve(
     enough = Enough(n_episodes)
     maker_of(None, env)  # raises where it is no id and no function
     search = GoExplore(env, seed=seed, device=device)
-    search.learn(search_timesteps, [*as_list(callback), enough], progress_bar=progress_bar)
+    with closing(cast("VecEnv", search.get_env())):
+        search.learn(search_timesteps, [*as_list(callback), enough], progress_bar=progress_bar)
     if not search.episodes:
         raise found_nothing(search.num_timesteps)
     return robustify(

@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 
 from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.evaluation.found import is_success
+from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.robust.demonstrations import Demonstration, Start
 from curiosity_algos.sb3.gymnasium_vec_env import put, take
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
@@ -96,6 +97,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self._begun = np.full((self.num_envs, 2), FRESH)
         self._totals = np.zeros(self.num_envs)
         self._left = np.zeros(self.num_envs, dtype=np.int64)
+        self._most = most_steps(venv)  # without a time limit one that fails might never end
         self.good_steps, self.idle_steps = 0, 0
 
     @property
@@ -132,7 +134,7 @@ class DemonstrationStarts(VecEnvWrapper):
         self._totals += rewards
         self._left -= 1
         self.idle_steps += self.num_envs
-        is_late = (self._left <= 0) & (self._begun[:, 1] != FRESH) & ~dones
+        is_late = (self._left <= 0) & ~dones
         for i in np.flatnonzero(is_late).tolist():
             infos[i]["terminal_observation"] = take(observations, i)
             infos[i]["TimeLimit.truncated"] = True
@@ -167,8 +169,8 @@ class DemonstrationStarts(VecEnvWrapper):
         starts = {i: self._draw() for i in ids}
         for i, (which, step) in starts.items():
             self._begun[i], self._totals[i] = (which, step), 0.0
-            if step != FRESH:
-                self._left[i] = LATE * (self._lengths[which] - step) + SLACK
+            along = LATE * (self._lengths[which] - step) + SLACK
+            self._left[i] = self._most if step == FRESH else along
         for i, observation in self._places.go(starts, self._rng).items():
             put(observations, i, observation)
 
@@ -283,7 +285,9 @@ class _Restored:
         states, total = [], 0.0
         for action in demonstration.actions:
             state = self._batch.state_dict()
-            states.append({name: state[name][0] for name in ("steps", "observations", "physics")})
+            names = "steps", "observations", "physics"
+            # Copied: a view would keep the whole batch.
+            states.append({name: np.array(state[name][0]) for name in names})
             _, rewards, *_ = self._batch.step(np.repeat(action[None], n, axis=0))
             total += float(rewards[0])
         _check(demonstration, total)

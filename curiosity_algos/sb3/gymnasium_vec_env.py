@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.envs.registration import EnvSpec, load_env_creator
+from gymnasium.envs.registration import load_env_creator
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
@@ -18,6 +18,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from curiosity_algos.common.arrays import Array, Mask
 from curiosity_algos.evaluation.batches import has_generators, info_rows
 from curiosity_algos.evaluation.environments import env_attributes
+from curiosity_algos.evaluation.evaluator import known_task
 from curiosity_algos.sb3.observations import check_sb3_takes
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
@@ -215,7 +216,7 @@ def open_batch(make: Callable[[], gym.Env[Any, Any]], n: int) -> VecEnv:
     with ExitStack() as stack:
         stack.callback(first.close)
         check_sb3_takes(first.observation_space)
-        batch = native_batch(first.spec, n, AutoresetMode.SAME_STEP) if n > 1 else None
+        batch = native_batch(first, n, AutoresetMode.SAME_STEP) if n > 1 else None
         if batch is not None:
             return GymnasiumVecEnv(batch)
         others = [lambda: RecordEpisode(make())] * (n - 1)
@@ -225,15 +226,28 @@ def open_batch(make: Callable[[], gym.Env[Any, Any]], n: int) -> VecEnv:
 
 
 def native_batch(
-    spec: EnvSpec | None, n: int, autoreset_mode: AutoresetMode
+    env: gym.Env[Any, Any], n: int, autoreset_mode: AutoresetMode
 ) -> EpisodicVectorEnv | None:
-    """`n` environments that this package steps at once; None of others, and of wrapped ones."""
+    """`n` environments like one, if this package steps such at once.
+
+    None of others, of wrapped ones, and of one that is not as its spec makes it: whose horizon was
+    set, or that has two time limits.
+    """
+    spec = env.spec
     entry = spec and spec.vector_entry_point
     cls = load_env_creator(entry) if isinstance(entry, str) else entry
     is_own = isinstance(cls, type) and issubclass(cls, EpisodicVectorEnv)
-    if spec is None or not is_own or spec.additional_wrappers:
+    if spec is None or not is_own or spec.additional_wrappers or not _is_as_made(env):
         return None
     kind = "vector_entry_point"
     made = gym.make_vec(spec, num_envs=n, vectorization_mode=kind, autoreset_mode=autoreset_mode)
     assert isinstance(made, EpisodicVectorEnv)
     return made
+
+
+def _is_as_made(env: gym.Env[Any, Any]) -> bool:
+    """Whether an environment plays as one that its spec makes."""
+    assert env.spec is not None
+    with closing(gym.make(env.spec)) as other:
+        known = known_task(env.env if isinstance(env, RecordEpisode) else env)
+        return known is not None and known.is_same(known_task(other))

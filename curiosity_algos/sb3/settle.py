@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import torch as th
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
 
+from curiosity_algos.evaluation.found import is_success
 from curiosity_gym.validation import check_positive, check_share
 
 SMALLEST_CLIP, SMALLEST_LOG_STD = 0.05, -3.0
@@ -26,11 +28,10 @@ class SettleCallback(BaseCallback):
     stay as they are. What a policy does by then it will hardly do better later.
 
     The three belong to the model. They are therefore saved with it, and training that continues
-    from a file goes on with them. The last episodes are those of Stable-Baselines3's statistics,
-    100 unless `stats_window_size` says otherwise. An episode succeeds if its last info says so:
-    `is_success`, which must be there after failures, too. In a task that reports no success it does
-    if a Monitor below the bonus saw a return above 0: do not use this callback where every return
-    is above 0.
+    from a file goes on with them, and with what it knows of the last episodes: 100 unless
+    `stats_window_size` says otherwise. An episode succeeds if its last info says so (`is_success`).
+    In a task that reports no success it does if a Monitor below the bonus saw a return above 0: do
+    not use this callback where every return is above 0.
 
     Args:
         timesteps: Steps of all environments in which the learning rate shrinks to 1 / e, above 0:
@@ -51,6 +52,10 @@ class SettleCallback(BaseCallback):
 
     def _init_callback(self) -> None:
         vars(self.model)["settle"] = self.timesteps  # for the description of a run
+        # The model's, so that its file has it. Stable-Baselines3's own holds no failures of a task
+        # whose infos name successes alone.
+        ended: deque[bool] = deque(maxlen=self.model._stats_window_size)
+        self._ended: deque[bool] = vars(self.model).setdefault("settle_ended", ended)
 
     def _on_training_start(self) -> None:
         clip_range = getattr(self.model, "clip_range", FloatSchedule(1.0)).value_schedule
@@ -73,11 +78,8 @@ class SettleCallback(BaseCallback):
             self._shrink(math.exp(-n_steps / self.timesteps))
 
     def _succeeds(self) -> bool:
-        successes, episodes = self.model.ep_success_buffer, self.model.ep_info_buffer
-        assert successes is not None  # while `learn` runs
-        assert episodes is not None
-        ended = list(successes) or [episode["r"] > 0.0 for episode in episodes]
-        return len(ended) == successes.maxlen and float(np.mean(ended)) >= self.success
+        ended = self._ended
+        return len(ended) == ended.maxlen and float(np.mean(ended)) >= self.success
 
     def _shrink(self, factor: float) -> None:
         learner: Any = self.model
@@ -90,6 +92,9 @@ class SettleCallback(BaseCallback):
                 deviation.copy_((deviation + math.log(factor)).maximum(least))
 
     def _on_step(self) -> bool:
+        for info, done in zip(self.locals["infos"], self.locals["dones"], strict=True):
+            if done and ("is_success" in info or "episode" in info):
+                self._ended.append(is_success(info, info.get("episode", {"r": 0.0})["r"]))
         return True
 
 

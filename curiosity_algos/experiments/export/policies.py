@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pandas as pd
 
+from curiosity_algos.algorithms.go_explore import GoExplore
 from curiosity_algos.common.arrays import Float32Array, Int64Array
 from curiosity_algos.common.names import ALGORITHMS, find_algorithm
 from curiosity_algos.evaluation.mlp import Mlp
@@ -52,11 +53,10 @@ def population_algorithm(run: Run) -> type[EvolutionaryAlgorithm]:
     name = run.description["algorithm"]
     if name in ALGORITHMS:
         cls = find_algorithm(name)
-        if issubclass(cls, EvolutionaryAlgorithm):
+        if issubclass(cls, EvolutionaryAlgorithm) and not issubclass(cls, GoExplore):
             return cls
     raise ValueError(
-        f"`run` must be of an algorithm that evolves policies, {run} is of {name}, which trains "
-        "one."
+        f"`run` must be of an algorithm that evolves policies, {run} is of {name}, which does not."
     )
 
 

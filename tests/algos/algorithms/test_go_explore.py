@@ -35,6 +35,16 @@ def run(name, n=4, **changes):
     return GoExplore(env, **(SMALL | kwargs | changes)).learn(n * 8 * 20)
 
 
+def test_a_copy_is_saved_as_it_is(tmp_path, assert_same):
+    model = run("maze")
+    copy.deepcopy(model).save(tmp_path / "copy")
+    loaded = GoExplore.load(tmp_path / "copy", env=HARD)
+    wholes = [
+        [each.trail.whole for each in one._places._places.values()] for one in (model, loaded)
+    ]
+    assert_same(*wholes)
+
+
 def outcome(model):
     """The states, the episodes and the counts."""
     parts = [model.archive.data(), model._places.state_dict(), *model.episodes]

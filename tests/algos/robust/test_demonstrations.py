@@ -65,6 +65,18 @@ def test_a_population_shows_what_succeeded_from_other_starts(algorithm, tmp_path
     assert [each.start for each in demonstrations_of(loaded, Walk())] == starts
 
 
+def test_observations_are_kept_where_an_environment_overwrites_its_own():
+    class Overwriting(Walk):
+        seen = np.zeros(2, np.float32)
+
+        def _observation(self):
+            self.seen[:] = super()._observation()
+            return self.seen
+
+    one, other = (demonstrate(Right(), env, 3).observations for env in (Overwriting(), Walk()))
+    np.testing.assert_array_equal(one, other)
+
+
 def test_of_one_start_the_best_episode_is_enough():
     shown = [
         {"start": 3, "actions": np.full((24, 1), each, np.float32)} for each in (0.7, 0.9, 0.8)

@@ -7,14 +7,17 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch as th
+from gymnasium import spaces
 from gymnasium.spaces import Box
-from gymnasium.wrappers import TransformAction
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import TimeLimit, TransformAction
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from walk import Right, Walk
 
 from curiosity_algos.robust.measure import N_STARTS, Starts, evaluate_starts, n_different
-from curiosity_gym import BehaviorWrapper
+from curiosity_algos.sb3.gymnasium_vec_env import native_batch
+from curiosity_gym import BehaviorWrapper, RecordEpisode
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (93, 100), (7, 7)])
@@ -55,6 +58,48 @@ def test_mistakes_are_one_sentence():
     model.set_env(VecNormalize(DummyVecEnv([Walk])))
     with pytest.raises(ValueError, match="`model` must see observations as `env` gives them"):
         evaluate_starts(model, Walk())
+
+
+@pytest.mark.parametrize("change", ["horizon", "limits"])
+def test_an_environment_is_tested_as_it_is(change):
+    maze = {"layout": "open-2x2-seed1", "start_radius": 60.0, "goal_radius": 150.0}
+    if change == "horizon":
+        env = gym.make("CuriosityMaze-v0", **maze)
+        env.unwrapped.horizon = 2
+    else:
+        env = TimeLimit(gym.make("CuriosityMaze-v0", max_episode_steps=2, **maze), 800)
+    assert native_batch(env, 8, AutoresetMode.NEXT_STEP) is None
+    plain = gym.make("CuriosityMaze-v0", **maze)
+    assert native_batch(RecordEpisode(plain), 8, AutoresetMode.NEXT_STEP) is not None
+
+
+def test_texts_of_one_start_are_the_same():
+    class Told(Walk):
+        observation_space = spaces.Dict(x=Walk.observation_space, said=spaces.Text(9))
+
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            self.x = 0.0
+            return self._observation(), {}
+
+        def _observation(self):
+            return {"x": super()._observation(), "said": "go"}
+
+    assert n_different(Told()) == 1
+
+
+def test_two_starts_are_seen():
+    class Coin(Walk):
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            self.x = float(self.np_random.integers(2))
+            return self._observation(), {}
+
+    assert n_different(Coin()) == N_STARTS
+
+
+def test_seeds_may_be_numpys():
+    assert evaluate_starts(Right(), Walk(), 2, seed=np.int64(3)).success.all()
 
 
 def test_images_may_have_their_channels_first():

@@ -202,6 +202,20 @@ def test_an_episode_that_takes_too_long_is_truncated(kind, late, slack, monkeypa
         assert found == {max(1, min(allowed, kind.horizon - step))}
 
 
+def test_a_fresh_episode_without_an_end_is_cut(monkeypatch):
+    class Endless(Walk):
+        def step(self, action):
+            observation, reward, terminated, _, info = super().step(action)
+            return observation, reward, terminated, False, info
+
+    monkeypatch.setattr("curiosity_algos.evaluation.vector.MAX_EPISODE_STEPS", 40)
+    envs = DummyVecEnv([lambda: RecordEpisode(Endless())] * 2)
+    starts = DemonstrationStarts(envs, [demonstrate(Right(), Endless(), 0)], fresh=1.0, seed=0)
+    starts.reset()
+    ended = [starts.step(-np.ones((2, 1), np.float32))[2].all() for _ in range(80)]
+    assert np.flatnonzero(ended).tolist() == [39, 79]
+
+
 def test_fresh_starts_of_replayed_episodes_differ():
     starts = make(Walks(), fresh=1.0)
     first, again = starts.reset().copy(), starts.reset()

@@ -90,6 +90,17 @@ def test_steps_stay_where_fewer_succeed():
     assert set(clips) == {0.2}
 
 
+def test_what_infos_do_not_name_has_failed():
+    class Seldom(OneStep):
+        def step(self, action):
+            *outcome, info = super().step(action)
+            return *outcome, info if self.n % 10 == 0 else {}
+
+    model = PPO("MlpPolicy", Seldom(), **PPO_SETTINGS)
+    model.learn(2_000, SettleCallback(1_000))
+    assert model.learning_rate == 3e-4
+
+
 def test_sizes_have_bounds_but_the_learning_rate():
     model = PPO("MlpPolicy", venv(), **PPO_SETTINGS)
     rates, clips = learn(model, 64 * 6, SettleCallback(10)).T

@@ -15,7 +15,7 @@ help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-7s %s\n", $$1, $$2}' Makefile
 
 demo: .venv/.demo  ## train on a maze and write the figures to runs/demo
-	.venv/bin/python examples/train_curiosity_es.py --preset tuned --seed 0 --out runs/demo
+	.venv/bin/python examples/train_curiosity_es.py --preset tuned --timesteps 1e7 --seed 0 --out runs/demo
 
 check: lint  ## before a commit: lint, and the tests that are fast
 	$(PYTEST) --fast

@@ -18,19 +18,13 @@ from gymnasium.envs.registration import EnvSpec
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import ActionNoise, VectorizedActionNoise
 from stable_baselines3.common.utils import ConstantSchedule, FloatSchedule
-from stable_baselines3.common.vec_env import (
-    VecEnv,
-    VecEnvWrapper,
-    VecMonitor,
-    unwrap_vec_wrapper,
-)
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
 
 from curiosity_algos.algorithms.td3_icm import TD3ICM
 from curiosity_algos.evaluation.coverage import behavior_space
 from curiosity_algos.evaluation.environments import VECTOR_KEYWORDS, GymnasiumView, env_attribute
 from curiosity_algos.experiments.env_spec import encode_spec
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
-from curiosity_algos.robust.starts import DemonstrationStarts
 from curiosity_algos.sb3.bonus_wrapper import BonusVecEnvWrapper
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.sb3.replay_buffer import BonusReplayBuffer
@@ -74,8 +68,7 @@ def describe_run(model: BaseAlgorithm) -> dict[str, Any]:
 def algorithm_name(model: BaseAlgorithm) -> str:
     """The name of its class, and of what was added to it: `SAC + APT`, `PPO + demonstrations`."""
     buffer, name = getattr(model, "replay_buffer", None), type(model).__name__
-    env = model.get_env()
-    if env is not None and unwrap_vec_wrapper(env, DemonstrationStarts) is not None:
+    if hasattr(model.get_env(), "demonstrations"):  # of DemonstrationStarts, slow to import
         return f"{name} + demonstrations"
     is_added = isinstance(buffer, BonusReplayBuffer) and not isinstance(model, TD3ICM)
     owner = bonus_wrapper(model) or (buffer if is_added else None)

@@ -135,7 +135,8 @@ def evaluate_starts(
     # Small networks are slower on several threads.
     with closed, single_torch_thread(), th.random.fork_rng(devices=[]):
         _check_spaces(model, opened)
-        th.manual_seed(seed)
+        if not deterministic:
+            th.manual_seed(seed)
         starts = _play(model, opened, n, seed, deterministic)
         if n > 1 and np.ptp(starts.returns) == 0.0 and not is_drawn(opened):
             warnings.warn(

@@ -64,6 +64,8 @@ class SettleCallback(BaseCallback):
         if not isinstance(clip_range, ConstantSchedule):
             raise ValueError("`clip_range` must be a number for SettleCallback, no schedule.")
         self._counted = self.model.num_timesteps
+        if not self._counted:  # begun anew, as Stable-Baselines3's own statistics are
+            self._ended.clear()
 
     def _on_rollout_start(self) -> None:  # what was collected has been learned from by now
         self._settle()

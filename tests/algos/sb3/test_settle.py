@@ -101,6 +101,14 @@ def test_what_infos_do_not_name_has_failed():
     assert model.learning_rate == 3e-4
 
 
+def test_training_that_begins_anew_counts_anew():
+    model = PPO("MlpPolicy", OneStep(), **PPO_SETTINGS)
+    model.learn(128, SettleCallback(1_000))
+    rate = model.learning_rate
+    model.learn(64, SettleCallback(1_000))
+    assert model.learning_rate == rate
+
+
 def test_sizes_have_bounds_but_the_learning_rate():
     model = PPO("MlpPolicy", venv(), **PPO_SETTINGS)
     rates, clips = learn(model, 64 * 6, SettleCallback(10)).T

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from difflib import get_close_matches
 from functools import partial
 from typing import Any, ClassVar, TypedDict
 
@@ -17,6 +16,7 @@ from curiosity_algos.bonuses.make import FOR_ONE_POLICY, check_bonus_choice, mak
 from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.kept import Kept
 from curiosity_algos.common.networks import check_gradients, single_torch_thread
+from curiosity_algos.evaluation.arguments import check_keywords_known
 from curiosity_algos.state.check import check_keys, check_like
 from curiosity_algos.state.settings import HasSettings
 from curiosity_gym.validation import check_at_least_one, check_bool, check_not_negative, check_share
@@ -117,10 +117,7 @@ class CuriosityKeywords(TypedDict, total=False):
 def check_keywords_of(holder: type, given: Mapping[str, Any]) -> None:
     """Raise TypeError, as Python does, if what adds a bonus to rewards is given another keyword."""
     known = CuriosityKeywords.__annotations__
-    for name in given.keys() - known.keys():
-        near = get_close_matches(name, known, n=1)
-        meant = f": did you mean {near[0]}?" if near else "."
-        raise TypeError(f"{holder.__name__} got an unexpected keyword argument {name!r}{meant}")
+    check_keywords_known(holder, [name for name in given if name not in known], known)
 
 
 class Curiosity(HasSettings):

@@ -18,10 +18,15 @@ from curiosity_algos.state.settings import python_number
 from curiosity_gym.validation import check_at_least_one, check_seed, check_whole
 
 
-def check_keywords_known(cls: type[BaseAlgorithm], unknown: Iterable[str]) -> None:
-    """Raise TypeError, as Python does, if an algorithm does not know a keyword."""
+def check_keywords_known(
+    cls: type, unknown: Iterable[str], known: Iterable[str] | None = None
+) -> None:
+    """Raise TypeError, as Python does, if a class is given a keyword that it does not know.
+
+    The nearest of those `known` is suggested, which are those of its signature by default.
+    """
     for name in unknown:
-        near = get_close_matches(name, inspect.signature(cls).parameters, n=1)
+        near = get_close_matches(name, list(known or inspect.signature(cls).parameters), n=1)
         meant = f": did you mean {near[0]}?" if near else "."
         raise TypeError(f"{cls.__name__} got an unexpected keyword argument {name!r}{meant}")
 

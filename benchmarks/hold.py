@@ -237,8 +237,8 @@ def _row(folder: Path) -> dict[str, Any]:
     elif search.get("starts"):
         search_solved = search["starts"]["success"]
     else:  # all start alike
-        search_solved = int(film.play(folder / "search") > 0.0)
-    demonstrations = load_demonstrations(robust.folder.demonstrations)
+        search_solved = int(film.play(folder / "search").mean_return > 0.0)
+    demonstrations, _ = load_demonstrations(robust.folder.demonstrations)
     return {
         "task": folder.parent.name,
         "seed": int(folder.name),

@@ -6,12 +6,15 @@ import ctypes.util
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option, echo
 
 from curiosity_algos.cli.options import Pretrained, Trust, find_own_modules
 from curiosity_gym.validation import check_at_least_one
+
+if TYPE_CHECKING:
+    from curiosity_algos.robust.measure import Starts
 
 
 def enjoy(
@@ -37,7 +40,8 @@ def enjoy(
     starts: Annotated[
         int,
         Option(
-            help="Episodes, whose seeds count up: side by side in a film, and their mean return."
+            help="Episodes, whose seeds count up: side by side in a film, with their mean return "
+            "and how many succeed."
         ),
     ] = 1,
     trust: Trust = False,
@@ -57,15 +61,22 @@ def enjoy(
         find_own_modules()
     source = Path(run) if pretrained is None else (pretrained, run)
     if no_render:
-        echo(f"Return {film.play(source, seed=seed, n_starts=starts, trust=trust):.3f}")
+        echo(_result(film.play(source, seed=seed, n_starts=starts, trust=trust)))
     elif out is None and has_screen() and starts == 1:
-        echo(f"Return {film.watch(source, seed=seed, trust=trust):.3f}")
+        echo(_result(film.watch(source, seed=seed, trust=trust)))
     else:
         draw_off_screen()
         folder = source if isinstance(source, Path) else Path()
         path = folder / "best_policy.gif" if out is None else out
-        total = film.film(source, path, stride=stride, seed=seed, n_starts=starts, trust=trust)
-        echo(f"Return {total:.3f}: {path}")
+        played = film.film(source, path, stride=stride, seed=seed, n_starts=starts, trust=trust)
+        echo(f"{_result(played)}: {path}")
+
+
+def _result(played: Starts) -> str:
+    """The return of an episode, or of several the mean return and how many succeeded."""
+    if len(played.success) == 1:
+        return f"Return {played.mean_return:.3f}"
+    return f"Mean return {played.mean_return:.3f}, success from {played}"
 
 
 def draw_off_screen() -> None:

@@ -6,7 +6,7 @@ The functions raise FileNotFoundError if there is no run, ValueError if it canno
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,15 +18,16 @@ from PIL import Image
 from stable_baselines3.common.policies import BasePolicy
 
 from curiosity_algos.common.names import KNOWN, find_algorithm
+from curiosity_algos.evaluation.episode import actor, steps
 from curiosity_algos.evaluation.flat_spaces import FlatObservations
-from curiosity_algos.evaluation.vector import most_steps
+from curiosity_algos.evaluation.found import is_success
 from curiosity_algos.experiments.baselines import load_baseline_policy
 from curiosity_algos.experiments.env_spec import given_or_made, make_env
 from curiosity_algos.experiments.loading import Run
 from curiosity_algos.experiments.pretrained import load_pretrained, pretrained_seed
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.loops.model_file import load_policy
-from curiosity_algos.robust.demonstrations import actor
+from curiosity_algos.robust.measure import Starts, play_each
 from curiosity_algos.state.atomic_file import atomic_file
 from curiosity_gym.core import Frame
 from curiosity_gym.extras import import_extra
@@ -37,8 +38,6 @@ SEEN_THROUGH = {"BonusVecEnvWrapper", "DemonstrationStarts", "FreshMonitor", "Ve
 
 N_COLUMNS = 5
 """Films in a row, at most."""
-N_DIGITS = 6
-"""Decimals of a return, as in `best_return` and SB3's Monitor."""
 AnyEnv: TypeAlias = gym.Env[Any, Any] | None
 Source: TypeAlias = Path | tuple[str, str]
 """The folder of a run, or the algorithm and environment of a policy of the package."""
@@ -53,8 +52,8 @@ def film(
     n_starts: int = 1,
     trust: bool = False,
     env: AnyEnv = None,
-) -> float:
-    """Play episodes, write every `stride`-th step as a frame, and return their mean return.
+) -> Starts:
+    """Play episodes, write every `stride`-th step as a frame, and say what they came to.
 
     Args:
         source: Run or policy that acts.
@@ -73,26 +72,33 @@ def film(
         if played.has_wrapper_attr("num_repeats"):  # a RepeatAction's, whose steps are so many
             stride = max(1, stride // played.get_wrapper_attr("num_repeats"))
         first = best_seed if seed is None else seed
-        films, totals = zip(
-            *(_film(policy, played, first + i, stride) for i in range(n_starts)), strict=True
-        )
+        episodes = [_film(policy, played, first + i, stride) for i in range(n_starts)]
+    films, success, totals = zip(*episodes, strict=True)
     write_film(side_by_side(films), path)
-    return round(sum(totals) / n_starts, N_DIGITS)
+    return Starts(np.array(success), np.array(totals))
 
 
 def _film(
     policy: BasePolicy, env: gym.Env[Any, Any], seed: int, stride: int
-) -> tuple[list[Any], float]:
-    """The frames of an episode, and its return."""
-    frames: list[Any] = []
-    total = 0.0
-    for t, reward in enumerate(_rewards(policy, env, seed)):
+) -> tuple[list[Frame], bool, float]:
+    """The frames of an episode, whether it succeeds, and its return."""
+    observation, _ = env.reset(seed=seed)
+    frames: list[Any] = [env.render()]
+    total, success, t = 0.0, False, 0
+    for t, (_, reward, info) in enumerate(steps(env, observation, actor(policy)), 1):
         total += reward
+        success = is_success(info, total)
         if t % stride == 0:
             frames.append(env.render())
     if t % stride:  # the last frame always
         frames.append(env.render())
-    return frames, total
+    return frames, success, total
+
+
+def can_draw(run: Path) -> bool:
+    """Whether the environment of a run, whose code is trusted, says that it draws pictures."""
+    with closing(make_env(Run(run).description, trust=True)) as env:
+        return "rgb_array" in env.metadata.get("render_modes", ())
 
 
 def side_by_side(films: Sequence[list[Frame]]) -> list[Frame]:
@@ -113,8 +119,8 @@ def side_by_side(films: Sequence[list[Frame]]) -> list[Frame]:
     return tiled
 
 
-def watch(source: Source, **arguments: Any) -> float:
-    """Play one episode in a window, and return its return. Arguments are those of `play`."""
+def watch(source: Source, **arguments: Any) -> Starts:
+    """Play one episode in a window, and say what it came to. Arguments are those of `play`."""
     (pygame,) = import_extra("render", "pygame")
     try:
         return play(source, **arguments, render_mode="human")
@@ -130,24 +136,10 @@ def play(
     trust: bool = False,
     env: AnyEnv = None,
     **rendering: Any,
-) -> float:
-    """Play episodes, and return their mean return. Arguments are those of `film`."""
+) -> Starts:
+    """Play episodes, and say what they came to. Arguments are those of `film`."""
     with _open(source, trust, env, **rendering) as (policy, played, best_seed):
-        first = best_seed if seed is None else seed
-        total = sum(sum(_rewards(policy, played, first + i)) for i in range(n_starts))
-    return round(total / n_starts, N_DIGITS)
-
-
-def _rewards(policy: BasePolicy, env: gym.Env[Any, Any], seed: int) -> Iterator[float]:
-    """0 at the reset, then the reward of each step; at most 10,000 steps without a limit."""
-    observation, _ = env.reset(seed=seed)
-    act = actor(policy)
-    yield 0.0
-    for _ in range(most_steps(env)):
-        observation, reward, terminated, truncated, _ = env.step(act(observation))
-        yield float(reward)
-        if terminated or truncated:
-            return
+        return play_each(policy, played, n_starts, best_seed if seed is None else seed)
 
 
 @contextmanager

@@ -14,10 +14,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos.algorithms.go_explore import GoExplore
 from curiosity_algos.common.arrays import Array, Int64Array
+from curiosity_algos.evaluation.episode import actor, steps
 from curiosity_algos.evaluation.flat_spaces import stack
 from curiosity_algos.evaluation.found import N_FOUND, is_success
 from curiosity_algos.evaluation.policies import MlpPolicy
-from curiosity_algos.evaluation.vector import most_steps
 from curiosity_algos.loops.evolutionary_algorithm import EvolutionaryAlgorithm
 from curiosity_algos.sb3.callbacks import bonus_wrapper
 from curiosity_algos.state import file
@@ -70,19 +70,6 @@ def follow(env: RecordEpisode, start: Start, actions: Array) -> Demonstration:
     return _play(env, start, *env.begin(start), lambda _: next(steps, None))
 
 
-def actor(policy: Any, n: int = 1, *, deterministic: bool = True) -> Callable[[Any], Any]:
-    """A policy's actions in n episodes from their beginnings on, whose state it keeps."""
-    memory: dict[str, Any] = {}
-
-    def act(observations: Any) -> Any:
-        actions, state = policy.predict(observations, deterministic=deterministic, **memory)
-        if state is not None:
-            memory.update(state=state, episode_start=np.zeros(n, dtype=np.bool_))
-        return actions
-
-    return act
-
-
 def _play(
     env: gym.Env[Any, Any],
     start: Start,
@@ -90,19 +77,17 @@ def _play(
     info: dict[str, Any],
     act: Callable[[Any], Any],
 ) -> Demonstration:
-    actions, observations, total = [], [], 0.0
-    for _ in range(most_steps(env)):
-        action = act(observation)
-        if action is None:
-            break
-        actions.append(action)
+    actions, observations, total, success = [], [], 0.0, False
+
+    def see_and_act(observation: Any) -> Any:
         observations.append(copy.deepcopy(observation))  # some environments write into their own
-        observation, reward, terminated, truncated, info = env.step(action)
-        total += float(reward)
-        if terminated or truncated:
-            break
-    success = is_success(info, total)
-    in_a_row = stack(env.observation_space, observations)
+        return act(observation)
+
+    for action, reward, info in steps(env, observation, see_and_act):
+        actions.append(action)
+        total += reward
+        success = is_success(info, total)
+    in_a_row = stack(env.observation_space, observations[: len(actions)])
     return Demonstration(start, np.array(actions), in_a_row, total, success)
 
 

@@ -18,9 +18,9 @@ from scipy.stats import binomtest
 from curiosity_algos.common.arrays import Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import MakeEnv
+from curiosity_algos.evaluation.episode import actor, steps
 from curiosity_algos.evaluation.found import is_success
-from curiosity_algos.evaluation.vector import most_steps
-from curiosity_algos.robust.demonstrations import actor, follow, is_same
+from curiosity_algos.robust.demonstrations import follow, is_same
 from curiosity_algos.sb3.gymnasium_vec_env import native_batch
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
@@ -30,6 +30,8 @@ N_STARTS = 100
 """Starts that a policy is tested from, unless a user says another number."""
 N_COMPARED = 20
 """Episodes, and steps of each, that are compared to see whether chance has a part in them."""
+N_DIGITS = 6
+"""Decimals of a return."""
 UNSEEN = 10_000
 """The first seed of starts that no search has played, unless a user says another."""
 
@@ -50,6 +52,11 @@ class Starts:
     def share(self) -> float:
         """The share that succeeded."""
         return float(self.success.mean())
+
+    @property
+    def mean_return(self) -> float:
+        """The mean of the returns, rounded as `best_return` and SB3's Monitor round."""
+        return round(float(self.returns.mean()), N_DIGITS)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -179,23 +186,21 @@ def _play(model: Any, env: gym.Env[Any, Any], n: int, seed: int, deterministic: 
     if (envs := native_batch(env, n, AutoresetMode.NEXT_STEP)) is not None:
         with closing(envs):
             return _play_batch(model, envs, seed, deterministic)
-    played = [_play_one(model, env, seed + i, deterministic) for i in range(n)]
-    success, totals = zip(*played, strict=True)
-    return Starts(np.array(success), np.array(totals))
+    return play_each(model, env, n, seed, deterministic=deterministic)
 
 
-def _play_one(
-    model: Any, env: gym.Env[Any, Any], seed: int, deterministic: bool
-) -> tuple[bool, float]:
-    """Whether an episode succeeds, and its return; nothing that it observes is kept."""
-    observation, info = env.reset(seed=seed)
-    act, total = actor(model, deterministic=deterministic), 0.0
-    for _ in range(most_steps(env)):
-        observation, reward, terminated, truncated, info = env.step(act(observation))
-        total += float(reward)
-        if terminated or truncated:
-            break
-    return is_success(info, total), total
+def play_each(
+    model: Any, env: gym.Env[Any, Any], n: int, seed: int, *, deterministic: bool = True
+) -> Starts:
+    """One episode after another, whose seeds count up; nothing that they observe is kept."""
+    success, returns = np.zeros(n, dtype=np.bool_), np.zeros(n)
+    for i in range(n):
+        observation, _ = env.reset(seed=seed + i)
+        act = actor(model, deterministic=deterministic)
+        for _, reward, info in steps(env, observation, act):
+            returns[i] += reward
+            success[i] = is_success(info, float(returns[i]))
+    return Starts(success, returns)
 
 
 def _play_batch(model: Any, envs: EpisodicVectorEnv, seed: int, deterministic: bool) -> Starts:

@@ -12,6 +12,7 @@ import time
 import traceback
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from filelock import FileLock
 
@@ -20,8 +21,10 @@ from curiosity_algos.cli.options import numbers
 from curiosity_algos.experiments import film, load_final_states, load_runs, training
 from curiosity_algos.experiments import sweep as sweeps
 from curiosity_algos.experiments.run_spec import RunSpec
+from curiosity_algos.robust.measure import Starts
 
 ROOT = pathlib.Path(__file__).parents[3]
+HALF = Starts(np.array([True]), np.array([0.5]))
 SMALL = ["--env-kwargs", "horizon:100", "--hyperparams", "population_size:8"]
 
 
@@ -46,7 +49,7 @@ def test_a_window_is_opened_where_there_is_a_screen(run_here, monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     called = []
     for name in ("film", "play", "watch"):
-        note = lambda source, *_, name=name, **__: called.append((name, source)) or 0.5  # noqa: E731
+        note = lambda source, *_, name=name, **__: called.append((name, source)) or HALF  # noqa: E731
         monkeypatch.setattr(film, name, note)
     for words, variables, shown in [
         ([], {"DISPLAY": ":0"}, "watch"),
@@ -86,7 +89,9 @@ def test_robots_are_drawn_without_a_screen(variables, libraries, chosen, run_her
         monkeypatch.setenv(name, value)
     monkeypatch.setattr("ctypes.util.find_library", libraries.__contains__)
     seen = []
-    monkeypatch.setattr(film, "film", lambda *_, **__: seen.append(os.environ.get(names[3])) or 0.0)
+    monkeypatch.setattr(
+        film, "film", lambda *_, **__: seen.append(os.environ.get(names[3])) or HALF
+    )
     assert run_here("enjoy", "run", "--out", "a.gif")[0] == 0
     assert seen == [chosen]
 
@@ -242,8 +247,10 @@ def test_environments_of_another_package_need_nothing_but_their_ids(run_here, tm
         ["report", "runs", "--out", "report.html"],
     ):
         my_worlds()
-        status, _, errors = run_here(*command)
+        status, printed, errors = run_here(*command)
         assert status == 0, errors
+        if command[0] == "enjoy":
+            assert printed.startswith("Mean return 0.000, success from 0 of 2 starts (95 % ")
     runs = load_runs(tmp_path)
     assert sorted(runs["env"]) == ["mine/hard-v0", "mine/us-v0"]
     assert (runs["timesteps"] >= 600).all()

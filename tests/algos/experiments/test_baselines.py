@@ -59,7 +59,7 @@ def test_each_is_trained_described_and_played(name, bonus, tmp_path):
     assert row["algorithm"] == (name if bonus is None else f"{name} + RND")
     assert row["timesteps"] >= 180
     assert len(load_final_states(tmp_path)["return"]) == row["n_episodes"] > 1
-    assert np.isfinite(play(tmp_path, seed=0))
+    assert np.isfinite(play(tmp_path, seed=0).mean_return)
 
 
 def test_keywords_are_the_owners_or_the_bonus_own():
@@ -225,11 +225,11 @@ class TestPlayed:
         """SB3 unpickles what is in the `data` of a model's file, and with it whatever it likes."""
         train(small(name, timesteps=60), tmp_path)
         monkeypatch.setattr("stable_baselines3.common.save_util.json_to_data", None)
-        played = play(tmp_path, seed=0)
+        played = play(tmp_path, seed=0).mean_return
         with pytest.raises(TypeError):
             play(tmp_path, seed=0, trust=True)
         monkeypatch.undo()
-        assert play(tmp_path, seed=0, trust=True) == played
+        assert play(tmp_path, seed=0, trust=True).mean_return == played
 
     def test_a_policy_with_classes_needs_trust(self, tmp_path):
         run = small("PPO", timesteps=60)
@@ -237,4 +237,4 @@ class TestPlayed:
         train(replace(run, settings={**run.settings, **kwargs}), tmp_path)
         with pytest.raises(ValueError, match="`trust` must be given"):
             play(tmp_path, seed=0)
-        assert play(tmp_path, seed=0, trust=True) == 0.0
+        assert play(tmp_path, seed=0, trust=True).mean_return == 0.0

@@ -7,8 +7,7 @@ from gymnasium.error import DependencyNotInstalled
 from PIL import Image
 from tracked import Tracked
 
-from curiosity_algos import TD3ICM, MAPElites
-from curiosity_algos.evaluation import vector
+from curiosity_algos import MAPElites
 from curiosity_algos.experiments import SaveRun
 from curiosity_algos.experiments import film as filming
 from curiosity_algos.experiments.film import film, play, watch
@@ -27,7 +26,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.extra("render")
 def test_an_episode_moves(folder, tmp_path):
-    total = film(folder, tmp_path / "new" / "best.gif", stride=20, seed=0)
+    total = film(folder, tmp_path / "new" / "best.gif", stride=20, seed=0).mean_return
     assert total == RunFolder(folder).result()["best_return"]
     with Image.open(tmp_path / "new" / "best.gif") as picture:
         assert picture.n_frames == 4
@@ -51,10 +50,9 @@ def test_who_has_no_encoder_hears_it_before_an_episode_is_played(folder, tmp_pat
 
 @pytest.mark.extra("render")
 def test_several_starts_are_side_by_side(folder, tmp_path):
-    totals = [play(folder, seed=seed) for seed in range(3, 9)]
-    assert film(folder, tmp_path / "six.gif", stride=20, seed=3, n_starts=6) == pytest.approx(
-        np.mean(totals)
-    )
+    returns = [play(folder, seed=seed).mean_return for seed in range(3, 9)]
+    filmed = film(folder, tmp_path / "six.gif", stride=20, seed=3, n_starts=6)
+    np.testing.assert_allclose(filmed.returns, returns, atol=1e-6)
     film(folder, tmp_path / "one.gif", stride=20)
     with Image.open(tmp_path / "six.gif") as six, Image.open(tmp_path / "one.gif") as one:
         width, height = one.size
@@ -68,7 +66,7 @@ def test_an_action_that_is_held_is_as_many_steps_of_a_film(tmp_path):
     settings = {"n_steps": 10, "batch_size": 10, "device": "cpu"}
     run = RunSpec("ppo", "CuriosityMaze-US-v0", 0, 10, {"horizon": 60}, settings, repeat_action=5)
     train(run, tmp_path / "run")
-    assert film(tmp_path / "run", tmp_path / "best.gif", stride=20, seed=0) == 0.0
+    assert film(tmp_path / "run", tmp_path / "best.gif", stride=20, seed=0).mean_return == 0.0
     with Image.open(tmp_path / "best.gif") as picture:
         assert picture.n_frames == 4  # as without
 
@@ -77,7 +75,8 @@ def test_an_action_that_is_held_is_as_many_steps_of_a_film(tmp_path):
 def test_environments_are_closed_whatever_happens(tracked, tmp_path, monkeypatch):
     settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
     train(RunSpec("canonical_es", tracked, 0, 1, {}, settings), tmp_path)
-    assert play(tmp_path) == film(tmp_path, tmp_path / "best.gif", stride=1) == 0.0
+    assert play(tmp_path).mean_return == 0.0
+    assert film(tmp_path, tmp_path / "best.gif", stride=1).mean_return == 0.0
     other = gym.spaces.Box(-1.0, 1.0, (3,))
     for name, wrong in (("step", None), ("render", None), ("observation_space", other)):
         with monkeypatch.context() as patch:
@@ -91,14 +90,14 @@ def test_the_best_episode_is_played_where_starts_differ(tmp_path):
     run = RunSpec("canonical_es", "Pendulum-v1", 3, 6000, {"max_episode_steps": 50}, settings)
     train(run, tmp_path)
     best = RunFolder(tmp_path).result()["best_return"]
-    assert play(tmp_path) == pytest.approx(best, abs=1e-4)
-    assert play(tmp_path, seed=0) != pytest.approx(best, abs=1.0)
+    assert play(tmp_path).mean_return == pytest.approx(best, abs=1e-4)
+    assert play(tmp_path, seed=0).mean_return != pytest.approx(best, abs=1.0)
 
 
 @pytest.mark.extra("render")
 def test_an_episode_is_shown(folder, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    assert watch(folder, seed=0) == RunFolder(folder).result()["best_return"]
+    assert watch(folder, seed=0).mean_return == RunFolder(folder).result()["best_return"]
 
 
 @pytest.mark.extra("render")
@@ -108,21 +107,14 @@ def test_without_a_screen_there_is_a_sentence(folder, monkeypatch):
         watch(folder, seed=0)
 
 
-def test_an_endless_episode_is_cut(make_model, tmp_path, monkeypatch):
-    monkeypatch.setattr(vector, "MAX_EPISODE_STEPS", 30)
-    model = make_model(TD3ICM, gym.make("Pendulum-v1", max_episode_steps=-1))
-    env = gym.make("Pendulum-v1", max_episode_steps=-1)
-    assert len(list(filming._rewards(model.policy, env, 0))) == 31
-
-
 @pytest.mark.extra("render")
 def test_a_run_of_an_environment_with_a_window_is_played(tmp_path, make_model, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env = gym.make("CuriosityMaze-US-v0", horizon=50, render_mode="human")
     model = make_model(MAPElites, env).learn(1, SaveRun(tmp_path))
-    assert play(tmp_path, seed=0) == model.best_return
-    assert film(tmp_path, tmp_path / "best.gif", stride=20, seed=0) == model.best_return
-    assert watch(tmp_path, seed=0) == model.best_return
+    assert play(tmp_path, seed=0).mean_return == model.best_return
+    assert film(tmp_path, tmp_path / "best.gif", stride=20, seed=0).mean_return == model.best_return
+    assert watch(tmp_path, seed=0).mean_return == model.best_return
 
 
 def test_what_cannot_be_made_again_must_be_given(tmp_path, make_model):
@@ -134,9 +126,9 @@ def test_what_cannot_be_made_again_must_be_given(tmp_path, make_model):
         model = make_model(MAPElites, make_env()).learn(1, SaveRun(tmp_path))
     with pytest.raises(ValueError, match="`env` must be given, in Python"):
         play(tmp_path, seed=0)
-    assert play(tmp_path, seed=0, env=make_env()) == model.best_return == 5.0
+    assert play(tmp_path, seed=0, env=make_env()).mean_return == model.best_return == 5.0
     env = make_env(render_mode="rgb_array")
-    assert film(tmp_path, tmp_path / "best.gif", stride=50, seed=0, env=env) == 5.0
+    assert film(tmp_path, tmp_path / "best.gif", stride=50, seed=0, env=env).mean_return == 5.0
 
 
 def test_what_cannot_be_filmed_is_refused(folder, tmp_path):
@@ -156,3 +148,11 @@ def test_what_cannot_be_filmed_is_refused(folder, tmp_path):
         RunFolder(tmp_path).begin(described | {"algorithm": "PPO"} | changes)
         with pytest.raises(ValueError, match=what):
             play(tmp_path, seed=0)
+
+
+def test_an_environment_may_draw_nothing(tracked, tmp_path, monkeypatch):
+    settings = {"population_size": 4, "n_parents": 2, "policy_kwargs": {"net_arch": [4]}}
+    train(RunSpec("canonical_es", tracked, 0, 1, {}, settings), tmp_path)
+    assert filming.can_draw(tmp_path)
+    monkeypatch.setattr(Tracked, "metadata", {})
+    assert not filming.can_draw(tmp_path)

@@ -52,10 +52,12 @@ def test_the_policy_works_and_is_a_run_as_others(search, tmp_path):
     assert starts.share >= 0.95
     run = Run(tmp_path)
     assert run.description["algorithm"] == "PPO + demonstrations"
-    assert run.description["vec_env"]["wrappers"]["FreshMonitor"]["scale"] > 6.0
+    # Not what follows from the episodes: a report shows seeds as one.
+    assert run.description["vec_env"]["wrappers"].keys() == {"DemonstrationStarts"}
+    assert "gamma" not in run.description["settings"]
     assert run.progress["robust/tested"].iloc[-1] >= 0.95
     assert run.result["timesteps"] < 1e5
-    assert film.play(tmp_path, seed=7) > 0.0  # without trust
+    assert film.play(tmp_path, seed=7).mean_return > 0.0  # without trust
     again = robustify_run(search, tmp_path, timesteps=1e5)  # nothing is left to do
     np.testing.assert_array_equal(again.success, starts.success)
     assert Run(tmp_path).result["timesteps"] == run.result["timesteps"]

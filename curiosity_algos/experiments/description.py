@@ -250,9 +250,14 @@ def cpu_model() -> str:
 
 def check_same(folder: Path, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
     """Raise a ValueError that names the first field in which the run in a folder is another."""
-    one, other = ({name: described.get(name) for name in _FIELDS} for described in (there, here))
-    if found := difference(one, other):
+    if found := differing(there, here):
         raise ValueError(f"`folder` must be empty or that of this run: in {folder} {found}.")
+
+
+def differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str | None:
+    """The first field in which two runs differ, as `difference` says it, or None."""
+    one, other = ({name: run.get(name) for name in _FIELDS} for run in (there, here))
+    return difference(one, other)
 
 
 def difference(there: Any, here: Any, name: str = "") -> str | None:

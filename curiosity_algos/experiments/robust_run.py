@@ -14,7 +14,7 @@ from stable_baselines3 import PPO
 from curiosity_algos.common.names import find_algorithm
 from curiosity_algos.evaluation.environments import MakeEnv
 from curiosity_algos.experiments.baselines import load_baseline
-from curiosity_algos.experiments.description import check_same, describe_run
+from curiosity_algos.experiments.description import check_same, describe_run, differing
 from curiosity_algos.experiments.env_spec import make_env
 from curiosity_algos.experiments.film import Source
 from curiosity_algos.experiments.loading import Run
@@ -71,7 +71,7 @@ def robustify_run(
         ValueError: If it has found no episode that succeeds, `folder` holds another run, or an
             argument is out of its range.
     """
-    check_training(success, seed, timesteps=timesteps)
+    check_training(success, seed, device, timesteps=timesteps)
     save = SaveRun(folder, interval=interval)
     make = _maker(source, trust)
     demonstrations = _demonstrations(source, folder, make)
@@ -120,7 +120,7 @@ def solve_run(
         ValueError: As `robustify_run`, and if an argument of the search is wrong.
     """
     enough, robust = Enough(n_episodes), folder / "robust"
-    check_training(success, run.seed, timesteps=timesteps)
+    check_training(success, run.seed, shared.get("device", "auto"), timesteps=timesteps)
     if RunFolder(robust).demonstrations.exists():
         is_finished(run, folder)  # raises where it is another run, as `train` does
     else:
@@ -159,14 +159,24 @@ def _maker(source: Source, trust: bool) -> MakeEnv:
 def _demonstrations(source: Source, folder: Path, make: MakeEnv) -> list[Demonstration]:
     """Those in the folder, or else of the source."""
     path = RunFolder(folder).demonstrations
+    if isinstance(source, tuple):
+        run: dict[str, Any] = dict(zip(("algorithm", "env"), source, strict=True))
+    else:
+        run = Run(source).description
     if not path.exists():
         if not RunFolder(folder).is_empty():
             raise ValueError(f"`folder` must be empty or that of this run, {folder} is not.")
         with closing(make()) as env:
             found = _find(source, env)
         folder.mkdir(parents=True, exist_ok=True)
-        save_demonstrations(path, found)
-    return load_demonstrations(path)
+        save_demonstrations(path, found, run)
+    demonstrations, there = load_demonstrations(path)
+    if different := differing(there, run):
+        raise ValueError(
+            f"`folder` must be of episodes of the same run, {folder} has those of another, whose "
+            f"{different}."
+        )
+    return demonstrations
 
 
 def _find(source: Source, env: gym.Env[Any, Any]) -> list[Demonstration]:

@@ -25,7 +25,7 @@ from curiosity_gym import RecordEpisode
 
 Start = int | Mapping[str, Any]
 """The seed of a reset, or the state of the environment's generator before it."""
-KIND = "demonstrations 1"
+KIND = "demonstrations 2"
 
 
 @dataclass(frozen=True)
@@ -194,17 +194,23 @@ def _of_dataset(dataset: Any) -> list[tuple[int, Array]]:
 
 
 def save_demonstrations(
-    path: str | os.PathLike[str], demonstrations: Sequence[Demonstration]
+    path: str | os.PathLike[str],
+    demonstrations: Sequence[Demonstration],
+    run: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write demonstrations, for `load_demonstrations`."""
-    file.save(path, KIND, {}, {"episodes": [vars(each) for each in demonstrations]})
+    """Write demonstrations, for `load_demonstrations`, and what describes the run of them."""
+    state = {"episodes": [vars(each) for each in demonstrations]}
+    file.save(path, KIND, dict(run or {}), state)
 
 
-def load_demonstrations(path: str | os.PathLike[str]) -> list[Demonstration]:
-    """Read demonstrations.
+def load_demonstrations(
+    path: str | os.PathLike[str],
+) -> tuple[list[Demonstration], dict[str, Any]]:
+    """Read demonstrations, and what describes the run of them.
 
     Raises:
         FileNotFoundError: If there is no such file.
         ValueError: If it is damaged.
     """
-    return [Demonstration(**each) for each in file.read(path, KIND)[1]["episodes"]]
+    run, state = file.read(path, KIND)
+    return [Demonstration(**each) for each in state["episodes"]], run

@@ -137,8 +137,9 @@ def test_the_file_gives_them_back(tmp_path, assert_same):
         {"state": 1}, dicts.actions, {"x": dicts.observations}, dicts.total, success=True
     )
     demonstrations = [demonstrate(Right(), Walk(), seed=3), dicts]
-    save_demonstrations(tmp_path / "shown.npz", demonstrations)
-    again = load_demonstrations(tmp_path / "shown.npz")
+    save_demonstrations(tmp_path / "shown.npz", demonstrations, {"seed": 3})
+    again, run = load_demonstrations(tmp_path / "shown.npz")
+    assert run == {"seed": 3}
     assert_same([vars(each) for each in again], [vars(each) for each in demonstrations])
 
 

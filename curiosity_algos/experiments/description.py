@@ -143,11 +143,14 @@ def describe_settings(model: BaseAlgorithm) -> dict[str, Any]:
     """What a callback may change: `settings`, and the `vec_env` of algorithms that step one."""
     settings = {"settings": settings_of(model)}
     env, wrappers = model.get_env(), {}
+    if hasattr(env, "demonstrations"):
+        del settings["settings"]["gamma"]  # follows from their lengths
     if env is None or isinstance(model, EvolutionaryAlgorithm):  # results do not depend on it
         return settings
     n_envs = env.num_envs
     while isinstance(env, VecEnvWrapper):
-        if type(env) is not VecMonitor:  # which changes nothing
+        # It changes nothing, and that of demonstrations nothing but what follows from them.
+        if not isinstance(env, VecMonitor):
             has_bonus = isinstance(env, BonusVecEnvWrapper)
             arguments = _as_json(env.settings) if has_bonus else _arguments(env, vars(env))
             wrappers[type(env).__name__] = arguments

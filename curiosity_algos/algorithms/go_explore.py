@@ -73,7 +73,9 @@ class GoExplore(EvolutionaryAlgorithm):
     Attributes:
         archive: The states: how they are told apart, the steps to there (negative, the objective),
             and the linear policy that led there.
-        replayed_steps: Steps that environments took again, which `num_timesteps` leaves out.
+        replayed_steps: Steps that environments took again on the ways to where explorations began.
+            `num_timesteps` leaves them out. Neither counts the steps that check an episode: each
+            that is kept is played once more.
 
     Raises:
         ValueError: If an argument is out of its range, the env has no cells, or cannot be restored.

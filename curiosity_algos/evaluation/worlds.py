@@ -221,6 +221,7 @@ class OneWorld(Worlds):
         has_goal = goal_space(env) is not None
         self._achieved = self._seen.columns("achieved_goal") if has_goal else None
         self._last: Any = None  # observation and info
+        self._n_entries: int | None = None  # of a behavior
 
     def restore(self, places: Sequence[Place]) -> Array:
         (place,) = places
@@ -264,9 +265,16 @@ class OneWorld(Worlds):
 
     def behaviors(self, n: int) -> Float64Array:
         observation, info = self._last
-        if self._achieved is None:
-            return as_behaviors([info.get("behavior", ())])
-        return self._seen.one(observation)[None, self._achieved].astype(np.float64)
+        if self._achieved is not None:
+            return self._seen.one(observation)[None, self._achieved].astype(np.float64)
+        found = as_behaviors([info.get("behavior", ())])
+        if self._n_entries not in (None, found.shape[1]):
+            raise ValueError(
+                '`env` must give an info["behavior"] of as many numbers at its reset and at every '
+                f"step, or never: one had {self._n_entries}, the next {found.shape[1]}."
+            )
+        self._n_entries = found.shape[1]
+        return found
 
 
 def make_worlds(env: EnvObject, n: int, n_threads: int | None, *, is_copied: bool) -> Worlds:

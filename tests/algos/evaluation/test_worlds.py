@@ -76,3 +76,28 @@ def test_an_action_again_counts_as_replayed():
     trail = Places(actions[:0]).start().trail.then(actions[:4])
     worlds.restore([Place(trail, 0.0)])
     assert worlds.replayed_steps == 4
+
+
+@pytest.mark.parametrize("says", [lambda t: t > 0, lambda t: t == 3])
+def test_a_behavior_that_is_missing_at_times_is_a_mistake(says):
+    class Sometimes(gym.Wrapper):
+        def reset(self, **arguments):
+            self.t = 0
+            observation, info = self.env.reset(**arguments)
+            return observation, info | self._behavior()
+
+        def step(self, action):
+            self.t += 1
+            *outcome, info = self.env.step(action)
+            return *outcome, info | self._behavior()
+
+        def _behavior(self):
+            return {"behavior": np.zeros(2)} if says(self.t) else {}
+
+    env = Sometimes(gym.make("MountainCarContinuous-v0"))
+    worlds = make_worlds(open_env(env), 1, 1, is_copied=False)
+    actions = walk(env, 5)
+    start = Places(actions[:0]).start()
+    worlds.restore([start])
+    with pytest.raises(ValueError, match=r'`env` must give an info\["behavior"\] of as many'):
+        worlds.behaviors(1), list(worlds.follow(start, actions))

@@ -57,6 +57,7 @@ def solve(
 
     Example: curiosity solve CuriosityMaze-Hard-v0
     """
+    from curiosity_algos.experiments.film import can_draw
     from curiosity_algos.experiments.film import film as write
     from curiosity_algos.experiments.robust_run import solve_run
     from curiosity_algos.experiments.run_spec import RunSpec
@@ -79,7 +80,9 @@ def solve(
     )
     robust = folder / "robust"
     echo(f"{robust}: {starts}")
-    if film:
+    if film and not can_draw(robust):
+        echo(f"{env} draws no pictures: there is no film.")
+    elif film:
         draw_off_screen()
         path = robust / "best_policy.gif"
         write(robust, path, stride=10, trust=True)

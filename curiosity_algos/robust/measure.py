@@ -81,6 +81,8 @@ def wilson(k: int, n: int) -> tuple[float, float]:
 
 def in_words(k: int, n: int) -> str:
     """The number of starts from which a policy succeeded, and the interval of their share."""
+    if n == 1:
+        return f"{k} of 1 start"
     low, high = wilson(k, n)
     return f"{k} of {n} starts (95 % interval {low:.0%} to {high:.0%})"
 

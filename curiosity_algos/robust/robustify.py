@@ -17,7 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback, ConvertCallback
 from stable_baselines3.common.type_aliases import MaybeCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from curiosity_algos.common.networks import single_torch_thread
+from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
 from curiosity_algos.evaluation.evaluator import check_constant
 from curiosity_algos.evaluation.flat_spaces import is_vector
@@ -89,7 +89,7 @@ def robustify(
     Warns:
         UserWarning: If no front has come further back in two million steps: that ends the training.
     """
-    check_training(success, seed, total_timesteps=total_timesteps)
+    check_training(success, seed, device, total_timesteps=total_timesteps)
     make = maker_of(model, env)
     training = Training(
         make,
@@ -108,8 +108,11 @@ def robustify(
     return training.model
 
 
-def check_training(success: float, seed: int | None, **timesteps: float) -> None:
+def check_training(
+    success: float, seed: int | None, device: th.device | str, **timesteps: float
+) -> None:
     """Raise ValueError unless a training can have these."""
+    torch_device(device)
     check_positive(**timesteps, success=success)
     check_share(success=success)
     check_seed(seed)

@@ -74,7 +74,7 @@ def solve(
         ValueError: If the search finds no episode, or an argument is out of its range.
     """
     budgets = {"search_timesteps": search_timesteps, "total_timesteps": total_timesteps}
-    check_training(success, seed, **budgets)
+    check_training(success, seed, device, **budgets)
     enough = Enough(n_episodes)
     maker_of(None, env)  # raises where it is no id and no function
     search = GoExplore(env, seed=seed, device=device)

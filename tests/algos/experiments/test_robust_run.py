@@ -127,12 +127,18 @@ def test_mistakes_are_one_sentence(search, tmp_path):
     with pytest.raises(FileNotFoundError, match="run"):
         robustify_run(tmp_path / "none", tmp_path / "robust")
     robustify_run(search, tmp_path / "one", timesteps=1)
+    train(RunSpec("curiosity_es", ENV, 1, 5_000, settings=SEARCH), tmp_path / "search")
+    with pytest.raises(ValueError, match="those of another, whose seed is 0, not 1"):
+        robustify_run(tmp_path / "search", tmp_path / "one", timesteps=1)
+    with pytest.raises(ValueError, match="whose algorithm is "):
+        robustify_run(("curiosity_es", "CuriosityMaze-US-v0"), tmp_path / "one", timesteps=1)
     with pytest.raises(ValueError, match="`folder` must be empty or that of this run, "):
         robustify_run(search, tmp_path / "ppo")
     assert not RunFolder(tmp_path / "ppo").demonstrations.exists()
-    for mistake in ({"success": 95}, {"seed": -1}, {"timesteps": 0}, {"interval": -1}):
-        with pytest.raises(ValueError, match=f"`{next(iter(mistake))}` must be"):
-            robustify_run(search, tmp_path / "new", **mistake)
+    mistakes = {"success": 95, "seed": -1, "timesteps": 0, "interval": -1, "device": "x"}
+    for name, value in mistakes.items():
+        with pytest.raises(ValueError, match=f"`{name}` must be"):
+            robustify_run(search, tmp_path / "new", **{name: value})
     assert not (tmp_path / "new").exists()
     with pytest.raises(ValueError, match="seed is"):
         robustify_run(search, tmp_path / "one", seed=1, timesteps=1)

@@ -37,7 +37,8 @@ FARTHER = 4.0
 LOG_STD = -0.5
 """Most of actions' draws, which shrink as steps do."""
 TEST_INTERVAL, SHORT_INTERVAL = 250_000, 30_000
-"""Good timesteps between two tests of whether the policy works; where one episode tells it."""
+"""Good timesteps between two tests of whether the policy works; all of them, where one episode
+tells it."""
 NEARLY = 0.5
 """Timesteps are good if drawn actions succeed from fresh starts so much less than is asked for."""
 STUCK = 2_000_000
@@ -97,11 +98,12 @@ class Watch(BaseCallback):
     def _count(self) -> bool:
         """Count the steps of a good rollout; whether it is time to test the policy."""
         starts, rollout = self.starts, SETTINGS["n_steps"] * self.starts.num_envs
-        if not self.model.num_timesteps or starts.fresh_rate < max(GOOD, self.success - NEARLY):
-            return False
-        starts.good_steps += rollout
-        interval = TEST_INTERVAL if self.n > 1 else SHORT_INTERVAL
-        return bool(starts.good_steps % interval < rollout)
+        timesteps = self.model.num_timesteps
+        is_good = bool(timesteps) and starts.fresh_rate >= max(GOOD, self.success - NEARLY)
+        starts.good_steps += rollout * is_good
+        if self.n == 1:  # best actions come to the goal long before drawn ones do often
+            return starts.fresh_rate > 0.0 and timesteps % SHORT_INTERVAL < rollout
+        return is_good and starts.good_steps % TEST_INTERVAL < rollout
 
     def _shrink(self) -> None:
         share = math.exp(-self.starts.good_steps / SHRINKING)

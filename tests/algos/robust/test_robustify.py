@@ -203,18 +203,31 @@ def test_a_policy_works_if_it_passes_twice(at_a_rollout, monkeypatch, shares, wo
     assert len({*seeds}) == len(shares)
 
 
-@pytest.mark.parametrize(("n", "interval"), [(1, watch.SHORT_INTERVAL), (9, watch.TEST_INTERVAL)])
-def test_a_policy_is_tested_once_at_each_mark_of_good_steps(at_a_rollout, monkeypatch, n, interval):
-    call, starts = at_a_rollout
+@pytest.fixture
+def tested(monkeypatch):
+    """The first seeds of the tests, which fail."""
     seeds = []
     monkeypatch.setattr(watch.Watch, "_test", lambda self, seed: seeds.append(seed) or 0.0)
-    starts.good_steps = 3 * interval - 2 * 1_024
+    return seeds
+
+
+def test_a_policy_is_tested_once_at_each_mark_of_good_steps(at_a_rollout, tested):
+    call, starts = at_a_rollout
+    starts.good_steps = 3 * watch.TEST_INTERVAL - 2 * 1_024
     for fresh_rate, n_tests in [(0.9, 0), (0.1, 0), (0.9, 1), (0.1, 1), (0.46, 1), (0.9, 1)]:
-        call(fresh_rate, n=n)
-        assert len(seeds) == n_tests
-    starts.good_steps = 4 * interval - 1_024
-    call(0.9, n=n)
-    assert abs(seeds[1] - seeds[0]) >= 200
+        call(fresh_rate)
+        assert len(tested) == n_tests
+    starts.good_steps = 4 * watch.TEST_INTERVAL - 1_024
+    call(0.9)
+    assert abs(tested[1] - tested[0]) >= 200
+
+
+def test_where_all_begins_alike_it_is_tested_once_a_drawn_episode_succeeded(at_a_rollout, tested):
+    call, _ = at_a_rollout
+    for fresh_rate, n_tests in [(0.0, 0), (0.01, 2)]:
+        for _ in range(2 * watch.SHORT_INTERVAL // 1_024):
+            call(fresh_rate, n=1)
+        assert len(tested) == n_tests
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ TASKS = {
     "AntTrap": Task("CuriosityLocomotion-AntTrap-v0"),
     "HumanoidTrap": Task("CuriosityLocomotion-HumanoidTrap-v0", timesteps=2e7, success=0.9),
     "BallInCup": Task("CuriosityControl-BallInCup-v0", 1e6, search=RANDOM),
-    "Finger": Task("CuriosityControl-Finger-v0", 1e7, search=RANDOM),
+    "Finger": Task("CuriosityControl-Finger-v0", 1e7, 3e6, search=RANDOM),
     "Hard, PPO + APT": Task("CuriosityMaze-Hard-v0", 3e5, 2e6, APT),
     **{
         f"{name} within 20": Task(f"CuriosityMaze-{name}-v0", 1e7, search=WITHIN_20)

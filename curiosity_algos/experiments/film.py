@@ -85,7 +85,7 @@ def _film(
     observation, _ = env.reset(seed=seed)
     frames: list[Any] = [env.render()]
     total, success, t = 0.0, False, 0
-    for t, (_, reward, info) in enumerate(steps(env, observation, actor(policy)), 1):
+    for t, (reward, info) in enumerate(steps(env, observation, actor(policy)), 1):
         total += reward
         success = is_success(info, total)
         if t % stride == 0:

@@ -14,7 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from curiosity_algos.algorithms.go_explore import GoExplore
 from curiosity_algos.common.arrays import Array, Int64Array
-from curiosity_algos.evaluation.episode import actor, steps
+from curiosity_algos.evaluation.episode import actor, check_spaces, steps
 from curiosity_algos.evaluation.flat_spaces import stack
 from curiosity_algos.evaluation.found import N_FOUND, is_success
 from curiosity_algos.evaluation.policies import MlpPolicy
@@ -80,14 +80,16 @@ def _play(
     actions, observations, total, success = [], [], 0.0, False
 
     def see_and_act(observation: Any) -> Any:
-        observations.append(copy.deepcopy(observation))  # some environments write into their own
-        return act(observation)
+        action = act(observation)
+        if action is not None:  # copied: some environments write into what they give or take
+            observations.append(copy.deepcopy(observation))
+            actions.append(copy.deepcopy(action))
+        return action
 
-    for action, reward, info in steps(env, observation, see_and_act):
-        actions.append(action)
+    for reward, info in steps(env, observation, see_and_act):
         total += reward
         success = is_success(info, total)
-    in_a_row = stack(env.observation_space, observations[: len(actions)])
+    in_a_row = stack(env.observation_space, observations)
     return Demonstration(start, np.array(actions), in_a_row, total, success)
 
 
@@ -105,19 +107,24 @@ def demonstrations_of(source: Any, env: gym.Env[Any, Any]) -> list[Demonstration
         ValueError: If there is none, or the source is of another kind.
     """
     recorded = env if isinstance(env, RecordEpisode) else RecordEpisode(env)
-    played = list(_episodes(source, recorded))
-    found = [episode for episode in played if episode.success]
-    if not found:
-        raise ValueError(
-            f"`model` must have found an episode that succeeds: {len(played)} were played again, "
-            "and none did. `learn` for longer. An environment that draws from elsewhere than its "
-            "`np_random` plays no episode again, and a bonus remembers none but those of single "
-            "environments in a DummyVecEnv."
-        )
-    different = _of_each_start(found)
+    different = _of_each_start(successful(list(_episodes(source, recorded))))
     # Where starts are drawn, the best ten would be those that began nearest to the goal.
     different.sort(key=lambda episode: -episode.total)
     return [different[i] for i in _from_first_to_last(len(different))]
+
+
+def successful(episodes: Sequence[Demonstration]) -> list[Demonstration]:
+    """Those that succeeded; ValueError if there is none."""
+    found = [episode for episode in episodes if episode.success]
+    if not found:
+        raise ValueError(
+            f"`model` must have found an episode that succeeds: {len(episodes)} were played again, "
+            "and none did. An episode succeeds if its last info says `is_success`, or else if its "
+            "return is above 0: `learn` for longer where one can. An environment that draws from "
+            "elsewhere than its `np_random` plays no episode again, and a bonus remembers none but "
+            "those of single environments in a DummyVecEnv."
+        )
+    return found
 
 
 def is_same(one: Any, other: Any) -> bool:
@@ -148,10 +155,12 @@ def _episodes(source: Any, env: RecordEpisode) -> Iterator[Demonstration]:
     if isinstance(source, GoExplore):
         source = source.episodes[:1]  # of one start
     if isinstance(source, EvolutionaryAlgorithm):
+        check_spaces(source, env)
         return (demonstrate(policy, env, seed) for policy, seed in _policies(source))
     if hasattr(source, "iterate_episodes"):
         return (follow(env, *episode) for episode in _of_dataset(source))
-    best = source if isinstance(source, list) else _seen_by(source)
+    is_kept = isinstance(source, list) and all(isinstance(each, dict) for each in source)
+    best = source if is_kept else _seen_by(source)
     return (follow(env, episode["start"], episode["actions"]) for episode in best)
 
 
@@ -159,8 +168,8 @@ def _seen_by(model: Any) -> list[dict[str, Any]]:
     wrapper = bonus_wrapper(model) if isinstance(model, BaseAlgorithm) else None
     if wrapper is None:
         raise ValueError(
-            "`model` must be a population algorithm, an algorithm with a BonusVecEnvWrapper, "
-            f"demonstrations or a Minari dataset, got {type(model).__name__}."
+            "`model` must be a population algorithm, an algorithm with a BonusVecEnvWrapper, a "
+            f"list of demonstrations or a Minari dataset, got {type(model).__name__}."
         )
     return wrapper.found.episodes
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
+from collections.abc import Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -11,16 +12,15 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import torch as th
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from scipy.stats import binomtest
 
-from curiosity_algos.common.arrays import Float64Array, Mask
+from curiosity_algos.common.arrays import Array, Float64Array, Mask
 from curiosity_algos.common.networks import single_torch_thread
 from curiosity_algos.evaluation.environments import MakeEnv
-from curiosity_algos.evaluation.episode import actor, steps
+from curiosity_algos.evaluation.episode import actor, check_spaces, steps
 from curiosity_algos.evaluation.found import is_success
-from curiosity_algos.robust.demonstrations import follow, is_same
+from curiosity_algos.robust.demonstrations import Demonstration, follow, is_same
 from curiosity_algos.sb3.gymnasium_vec_env import native_batch
 from curiosity_gym import RecordEpisode
 from curiosity_gym.episodic_vector_env import EpisodicVectorEnv
@@ -28,8 +28,9 @@ from curiosity_gym.validation import check_at_least_one, check_bool, check_seed
 
 N_STARTS = 100
 """Starts that a policy is tested from, unless a user says another number."""
-N_COMPARED = 20
-"""Episodes, and steps of each, that are compared to see whether chance has a part in them."""
+N_COMPARED, N_WHOLE = 20, 6
+"""Episodes, and steps of each, that are compared to see whether chance has a part in them; episodes
+that take the actions of a demonstration."""
 N_DIGITS = 6
 """Decimals of a return."""
 UNSEEN = 10_000
@@ -87,22 +88,30 @@ def in_words(k: int, n: int) -> str:
     return f"{k} of {n} starts (95 % interval {low:.0%} to {high:.0%})"
 
 
-def is_drawn(env: gym.Env[Any, Any]) -> bool:
-    """Whether episodes of the same actions differ by the seeds of their resets."""
+def is_drawn(env: gym.Env[Any, Any], demonstrations: Sequence[Demonstration] = ()) -> bool:
+    """Whether episodes of the same actions differ by the seeds of their resets.
+
+    The actions are twenty random ones, and those of demonstrations: chance may come later.
+    """
     actions = copy.deepcopy(env.action_space)
     actions.seed(UNSEEN)
     taken = np.array([actions.sample() for _ in range(N_COMPARED)])
     recorded = RecordEpisode(env)
-    first, *others = (follow(recorded, UNSEEN + i, taken) for i in range(N_COMPARED))
+    longer = (_differ(recorded, each.actions, N_WHOLE) for each in demonstrations)
+    return _differ(recorded, taken, N_COMPARED) or any(longer)
+
+
+def _differ(env: RecordEpisode, actions: Array, n: int) -> bool:
+    first, *others = (follow(env, UNSEEN + i, actions) for i in range(n))
     return not all(
         each.total == first.total and is_same(each.observations, first.observations)
         for each in others
     )
 
 
-def n_different(env: gym.Env[Any, Any]) -> int:
-    """How many episodes to play: one if all are the same."""
-    return N_STARTS if is_drawn(env) else 1
+def n_different(env: gym.Env[Any, Any], demonstrations: Sequence[Demonstration] = ()) -> int:
+    """How many episodes to play: one if all are the same, see `is_drawn`."""
+    return N_STARTS if is_drawn(env, demonstrations) else 1
 
 
 def evaluate_starts(
@@ -134,6 +143,8 @@ def evaluate_starts(
     check_seed(seed)
     check_bool(deterministic=deterministic)
     seed = int(seed)  # numpy's, too
+    if not callable(getattr(model, "predict", None)):
+        raise ValueError(f"`model` must have `predict`, got {type(model).__name__}.")
     if getattr(model, "get_vec_normalize_env", lambda: None)() is not None:
         raise ValueError(
             "`model` must see observations as `env` gives them, and a VecNormalize standardizes "
@@ -141,11 +152,15 @@ def evaluate_starts(
         )
     opened = _open(env)
     closed = nullcontext() if opened is env else closing(opened)
+    device = th.device(getattr(model, "device", "cpu"))
+    on_gpu = [device] if device.type == "cuda" else []
     # Small networks are slower on several threads.
-    with closed, single_torch_thread(), th.random.fork_rng(devices=[]):
-        _check_spaces(model, opened)
-        if not deterministic:
-            th.manual_seed(seed)
+    with closed, single_torch_thread(), th.random.fork_rng(devices=on_gpu):
+        check_spaces(model, opened)
+        if not deterministic:  # `torch.manual_seed` would seed GPUs that others use, too
+            th.default_generator.manual_seed(seed)
+            if on_gpu:
+                th.cuda.manual_seed(seed)
         starts = _play(model, opened, n, seed, deterministic)
         if n > 1 and np.ptp(starts.returns) == 0.0 and not is_drawn(opened):
             warnings.warn(
@@ -168,22 +183,6 @@ def _open(env: Any) -> gym.Env[Any, Any]:
     return opened
 
 
-def _check_spaces(model: Any, env: gym.Env[Any, Any]) -> None:
-    for name in ("observation_space", "action_space"):
-        own, given = getattr(model, name, None), getattr(env, name)
-        if isinstance(own, gym.Space) and not _is_alike(own, given):
-            raise ValueError(f"`env` must have the {name} of the model, {own}, got {given}.")
-
-
-def _is_alike(own: Any, given: Any) -> bool:
-    """Whether spaces differ at most in bounds, and in where images have their channels."""
-    if isinstance(own, spaces.Box) and isinstance(given, spaces.Box):
-        return sorted(own.shape) == sorted(given.shape)
-    if isinstance(own, spaces.Dict) and isinstance(given, spaces.Dict):
-        return own.keys() == given.keys() and all(_is_alike(own[key], given[key]) for key in own)
-    return bool(own == given)
-
-
 def _play(model: Any, env: gym.Env[Any, Any], n: int, seed: int, deterministic: bool) -> Starts:
     if (envs := native_batch(env, n, AutoresetMode.NEXT_STEP)) is not None:
         with closing(envs):
@@ -199,7 +198,7 @@ def play_each(
     for i in range(n):
         observation, _ = env.reset(seed=seed + i)
         act = actor(model, deterministic=deterministic)
-        for _, reward, info in steps(env, observation, act):
+        for reward, info in steps(env, observation, act):
             returns[i] += reward
             success[i] = is_success(info, float(returns[i]))
     return Starts(success, returns)

@@ -19,11 +19,11 @@ def test_it_ends_where_the_environment_ends_it_or_no_action_is_left():
     observation, _ = env.reset(seed=0)
     played = list(steps(env, observation, lambda _: 1))
     assert 5 < len(played) < 15  # it falls
-    assert [reward for _, reward, _ in played] == [1.0] * len(played)
+    assert [reward for reward, _ in played] == [1.0] * len(played)
     observation, _ = env.reset(seed=0)
     actions = iter([1, 0, 1])
     played = list(steps(env, observation, lambda _: next(actions, None)))
-    assert [action for action, *_ in played] == [1, 0, 1]
+    assert len(played) == 3
 
 
 def test_what_a_policy_remembers_comes_back_to_it():

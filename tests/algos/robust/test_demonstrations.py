@@ -16,6 +16,7 @@ from curiosity_algos.robust.demonstrations import (
     follow,
     load_demonstrations,
     save_demonstrations,
+    successful,
 )
 from curiosity_gym import RecordEpisode
 
@@ -143,7 +144,22 @@ def test_the_file_gives_them_back(tmp_path, assert_same):
     assert_same([vars(each) for each in again], [vars(each) for each in demonstrations])
 
 
+def test_an_environment_may_change_what_it_takes_and_gives():
+    class Halves(Walk):
+        def step(self, action):
+            action *= 0.5
+            return super().step(action)
+
+    shown = demonstrate(Right(0.9), Halves(), seed=3)
+    assert (shown.actions == np.float32(0.9)).all()
+    assert follow(RecordEpisode(Halves()), 3, shown.actions.copy()).total == shown.total
+
+
 def test_mistakes_are_one_sentence():
+    with pytest.raises(ValueError, match="a list of demonstrations or a Minari dataset, got list"):
+        demonstrations_of([1, 2], Walk())
+    with pytest.raises(ValueError, match="or else if its return is above 0"):
+        successful([demonstrate(Right(0.1), Walk(), seed=3)])
     with pytest.raises(ValueError, match="`model` must be a population algorithm"):
         demonstrations_of(PPO("MlpPolicy", Walk(), device="cpu"), Walk())
     with pytest.raises(ValueError, match="`model` must have found an episode"):

@@ -15,7 +15,15 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from walk import Right, Walk
 
-from curiosity_algos.robust.measure import N_STARTS, Starts, evaluate_starts, n_different
+from curiosity_algos.robust import measure
+from curiosity_algos.robust.demonstrations import demonstrate
+from curiosity_algos.robust.measure import (
+    N_COMPARED,
+    N_STARTS,
+    Starts,
+    evaluate_starts,
+    n_different,
+)
 from curiosity_algos.sb3.gymnasium_vec_env import native_batch
 from curiosity_gym import BehaviorWrapper, RecordEpisode
 
@@ -41,6 +49,8 @@ def test_every_start_is_another_and_each_seed_its_own():
 
 
 def test_mistakes_are_one_sentence():
+    with pytest.raises(ValueError, match="`model` must have `predict`, got NoneType"):
+        evaluate_starts(None, Walk())
     with pytest.raises(ValueError, match="`n`"):
         evaluate_starts(Right(), Walk(), 0)
     with pytest.raises(ValueError, match="`seed`"):
@@ -98,6 +108,27 @@ def test_two_starts_are_seen():
     assert n_different(Coin()) == N_STARTS
 
 
+def test_chance_may_come_late_in_an_episode():
+    class Late(Walk):
+        """Pushes back after as many steps as are compared."""
+
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            self.x, self.push = 0.0, self.np_random.random()
+            return self._observation(), {}
+
+        def step(self, action):
+            self.x -= self.push * (self.t == N_COMPARED)
+            return super().step(action)
+
+    env = Late()
+    assert n_different(env) == 1
+    slow = demonstrate(Right(0.35), Walk(), seed=2)
+    assert len(slow) > N_COMPARED
+    assert n_different(env, [slow]) == N_STARTS
+    assert n_different(Walk(), [slow]) == N_STARTS
+
+
 def test_seeds_may_be_numpys():
     assert evaluate_starts(Right(), Walk(), 2, seed=np.int64(3)).success.all()
 
@@ -115,12 +146,20 @@ def test_images_may_have_their_channels_first():
     assert len(evaluate_starts(model, env, 1).success) == 1
 
 
-def test_actions_may_be_drawn_as_in_training():
-    model = PPO("MlpPolicy", Walk(), seed=0, device="cpu")
+def test_actions_may_be_numbers_that_are_looked_up():
+    env = gym.make("FrozenLake-v1", is_slippery=False)
+    model = PPO("MlpPolicy", env, n_steps=8, device="cpu")
+    assert len(evaluate_starts(model, env, 1).success) == 1
+
+
+def test_actions_may_be_drawn_as_in_training(monkeypatch):
+    model, seeded = PPO("MlpPolicy", Walk(), seed=0, device="cpu"), []
+    monkeypatch.setattr(th.cuda, "manual_seed_all", seeded.append)  # of who trains on a GPU
     before = th.get_rng_state()
     drawn = [evaluate_starts(model, Walk, 3, deterministic=False).returns for _ in range(2)]
     np.testing.assert_array_equal(*drawn)
     assert th.equal(th.get_rng_state(), before)
+    assert not seeded
 
     class Drawn(Right):
         def predict(self, observation, deterministic=True):
@@ -154,6 +193,28 @@ def test_a_batch_counts_as_single_environments_do():
     assert 0 < batch.share < 1
     np.testing.assert_array_equal(batch.success, one_by_one.success)
     np.testing.assert_allclose(batch.returns, one_by_one.returns)
+
+
+class Ends:
+    """Two episodes side by side: the first fails, and another begins that would succeed."""
+
+    num_envs = 2
+
+    def reset(self, **_):
+        self.t = 0
+        return np.zeros((2, 1)), {}
+
+    def step(self, actions):
+        self.t += 1
+        success = np.array([self.t == 3, self.t == 4])
+        ended = success | [self.t == 1, False]
+        return np.zeros((2, 1)), 1.0 * success, ended, ended & False, {"is_success": success}
+
+
+def test_of_a_batch_only_first_episodes_count():
+    starts = measure._play_batch(Right(), Ends(), 0, True)
+    np.testing.assert_array_equal(starts.success, [False, True])
+    np.testing.assert_array_equal(starts.returns, [0.0, 1.0])
 
 
 class Counting:

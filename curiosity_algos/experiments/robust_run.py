@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -30,10 +31,13 @@ from curiosity_algos.robust.demonstrations import (
     demonstrations_of,
     load_demonstrations,
     save_demonstrations,
+    successful,
 )
 from curiosity_algos.robust.measure import Starts, evaluate_starts, n_different
 from curiosity_algos.robust.robustify import Training, check_training
 from curiosity_algos.robust.solve import Enough, found_nothing
+from curiosity_algos.robust.starts import DemonstrationStarts
+from curiosity_algos.robust.watch import is_stuck
 from curiosity_algos.sb3.bonus_wrapper import found_episodes
 
 
@@ -74,8 +78,12 @@ def robustify_run(
     check_training(success, seed, device, timesteps=timesteps)
     save = SaveRun(folder, interval=interval)
     make = _maker(source, trust)
-    demonstrations = _demonstrations(source, folder, make)
+    described = _describe(source)
+    demonstrations = _demonstrations(source, described, folder, make)
     training = Training(make, demonstrations, success=success, seed=seed, device=device)
+    if not RunFolder(folder).demonstrations.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        save_demonstrations(RunFolder(folder).demonstrations, demonstrations, described)
     checkpoint = RunFolder(folder).checkpoint
     with closing(training.env), closing(save):
         if checkpoint is None:
@@ -84,10 +92,11 @@ def robustify_run(
             check_same(folder, RunFolder(folder).describe(), describe_run(training.model))
             loaded: Any = load_baseline(PPO, checkpoint, training.env, device=device)
             training.model = loaded
-        if not _is_over(folder, timesteps, success):
+        if not _is_over(folder, training.starts, timesteps, success):
             training.learn(timesteps, save, progress_bar=progress_bar)
     with closing(make()) as env:
-        starts = evaluate_starts(training.model, env, n_different(env))
+        n = n_different(env, demonstrations)
+        starts = evaluate_starts(training.model, env, n)
     RunFolder(folder).note(starts=starts.counts)
     return starts
 
@@ -141,13 +150,14 @@ def solve_run(
     )
 
 
-def _is_over(folder: Path, timesteps: float, success: float) -> bool:
-    """Whether the training in a folder has come to its budget, or works as often as asked for."""
+def _is_over(folder: Path, starts: DemonstrationStarts, timesteps: float, success: float) -> bool:
+    """Whether a training has come to its budget, works as often as asked for, or is stuck."""
     run = Run(folder)
     if not run.folder.result().get("ended"):
         return False
     tested = run.progress.get("robust/tested", pd.Series([0.0]))
-    return bool(run.result["timesteps"] >= timesteps or tested.iloc[-1] >= success)
+    has_ended = run.result["timesteps"] >= timesteps or tested.iloc[-1] >= success
+    return bool(has_ended or is_stuck(starts))
 
 
 def _maker(source: Source, trust: bool) -> MakeEnv:
@@ -156,22 +166,24 @@ def _maker(source: Source, trust: bool) -> MakeEnv:
     return partial(make_env, Run(source).description, trust=trust)
 
 
-def _demonstrations(source: Source, folder: Path, make: MakeEnv) -> list[Demonstration]:
+def _describe(source: Source) -> dict[str, Any]:
+    if isinstance(source, tuple):
+        return dict(zip(("algorithm", "env"), source, strict=True))
+    return Run(source).description
+
+
+def _demonstrations(
+    source: Source, described: Mapping[str, Any], folder: Path, make: MakeEnv
+) -> list[Demonstration]:
     """Those in the folder, or else of the source."""
     path = RunFolder(folder).demonstrations
-    if isinstance(source, tuple):
-        run: dict[str, Any] = dict(zip(("algorithm", "env"), source, strict=True))
-    else:
-        run = Run(source).description
     if not path.exists():
         if not RunFolder(folder).is_empty():
             raise ValueError(f"`folder` must be empty or that of this run, {folder} is not.")
         with closing(make()) as env:
-            found = _find(source, env)
-        folder.mkdir(parents=True, exist_ok=True)
-        save_demonstrations(path, found, run)
+            return successful(_find(source, env))
     demonstrations, there = load_demonstrations(path)
-    if different := differing(there, run):
+    if different := differing(there, described):
         raise ValueError(
             f"`folder` must be of episodes of the same run, {folder} has those of another, whose "
             f"{different}."

@@ -117,7 +117,7 @@ def _tensors(
     actions = np.concatenate([each.actions for each in demonstrations])
     space = model.action_space
     if isinstance(space, spaces.Box):
-        middle = (space.high + space.low) / 2
+        middle = space.low + (space.high - space.low) / 2
         actions = middle + WITHIN * (np.clip(actions, space.low, space.high) - middle)
         actions = actions.reshape(len(actions), -1)
     elif isinstance(space, spaces.MultiBinary):

@@ -21,7 +21,7 @@ from curiosity_algos.common.networks import single_torch_thread, torch_device
 from curiosity_algos.evaluation.environments import FactoryVecEnv, MakeEnv
 from curiosity_algos.evaluation.evaluator import check_constant
 from curiosity_algos.evaluation.flat_spaces import is_vector
-from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of
+from curiosity_algos.robust.demonstrations import Demonstration, demonstrations_of, successful
 from curiosity_algos.robust.imitation import Standardized, imitate, standardize
 from curiosity_algos.robust.starts import DemonstrationStarts, FreshMonitor
 from curiosity_algos.robust.watch import LOG_STD, SETTINGS, FrontBar, Watch, gamma_of
@@ -67,7 +67,8 @@ def robustify(
     `curiosity robustify` keeps the training in a folder, and continues it there.
 
     Args:
-        model: What has found episodes, see `demonstrations_of`; or demonstrations.
+        model: What has found episodes, see `demonstrations_of`; or demonstrations, of which those
+            that succeeded count.
         env: Id of the environment, or a function that makes it; None: that of the model.
         total_timesteps: Environment steps at most.
         success: Share of unseen starts that ends the training, in (0, 1].
@@ -90,6 +91,7 @@ def robustify(
         UserWarning: If no front has come further back in two million steps: that ends the training.
     """
     check_training(success, seed, device, total_timesteps=total_timesteps)
+    callbacks = as_list(callback)
     make = maker_of(model, env)
     training = Training(
         make,
@@ -103,7 +105,7 @@ def robustify(
     with ExitStack() as stack:
         stack.callback(training.env.close)
         training.begin()
-        training.learn(total_timesteps, callback, progress_bar=progress_bar)
+        training.learn(total_timesteps, callbacks, progress_bar=progress_bar)
         stack.pop_all()  # the model steps them further
     return training.model
 
@@ -119,8 +121,9 @@ def check_training(
 
 
 def _demonstrations(model: Any, make: MakeEnv) -> Sequence[Demonstration]:
-    if isinstance(model, Sequence) and all(isinstance(each, Demonstration) for each in model):
-        return model
+    given = [model] if isinstance(model, Demonstration) else model
+    if isinstance(given, Sequence) and all(isinstance(each, Demonstration) for each in given):
+        return successful(given)
     with closing(make()) as env:
         return demonstrations_of(model, env)
 
@@ -140,6 +143,11 @@ def maker_of(model: Any, env: str | MakeEnv | None) -> MakeEnv:
     if spec is None:
         raise ValueError("`env` must be an id, or a function that makes the environment.")
     wrappers = tuple(wrapper for wrapper in spec.additional_wrappers if wrapper.name != "Monitor")
+    if unknown := [wrapper.name for wrapper in wrappers if wrapper.kwargs is None]:
+        raise ValueError(
+            "`env` must be a function that makes the environment: Gymnasium cannot make a "
+            f"{unknown[0]} again, which does not inherit from RecordConstructorArgs."
+        )
     return partial(gym.make, replace(spec, additional_wrappers=wrappers))
 
 
@@ -212,9 +220,13 @@ class Training:
 
 
 def as_list(callback: MaybeCallback) -> list[BaseCallback]:
-    """Callbacks as a list."""
+    """Callbacks as a list; ValueError if it is none."""
     if callback is None or isinstance(callback, list):
         return callback or []
+    if not callable(callback) and not isinstance(callback, BaseCallback):
+        raise ValueError(
+            f"`callback` must be one of SB3's, a list or a function, got {callback!r}."
+        )
     return [callback if isinstance(callback, BaseCallback) else ConvertCallback(callback)]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecEnvWrapper, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
@@ -82,6 +83,8 @@ class DemonstrationStarts(VecEnvWrapper):
         check_seed(seed)
         if not demonstrations:
             raise ValueError("`demonstrations` must hold at least one episode.")
+        for each in demonstrations:
+            _check_actions(each, venv.action_space)
         super().__init__(venv)
         self.demonstrations = list(demonstrations)
         self.fresh = fresh
@@ -331,8 +334,14 @@ class _Replayed:
         for demonstration in demonstrations:
             *others, last = demonstration.actions
             _, before = self._replay(0, demonstration.start, others)
-            _, reward, *_ = self._venv.env_method("step", last, indices=0)[0]
+            _, reward, *_, info = self._venv.env_method("step", last, indices=0)[0]
             _check(demonstration, before + float(reward))
+            if "is_success" not in info and reward <= 0.0:
+                raise ValueError(
+                    "`env` must end an episode where it pays for the success, or say `is_success` "
+                    "in its infos: a demonstration goes on after its last reward, and what begins "
+                    "there would count as failed."
+                )
             self.last_rewards.append(float(reward))
 
     def _replay(self, i: int, start: Start, actions: Any) -> tuple[Any, float]:
@@ -347,6 +356,13 @@ class _Replayed:
             return self._replay(i, int(rng.integers(2**31)), [])[0]
         demonstration = self._demonstrations[which]
         return self._replay(i, demonstration.start, demonstration.actions[:step])[0]
+
+
+def _check_actions(demonstration: Demonstration, space: spaces.Space[Any]) -> None:
+    first = demonstration.actions[0]
+    is_number = isinstance(space, spaces.Discrete)
+    if not (space.contains(first) if is_number else first.shape == space.shape):
+        raise ValueError(f"`demonstrations` must have actions of {space}, one has {first!r}.")
 
 
 def _check(demonstration: Demonstration, total: float) -> None:

@@ -71,7 +71,7 @@ class Watch(BaseCallback):
         super().__init__()
         self.starts, self.env = starts, env
         self.success, self.seed = success, seed
-        self.n = n_different(env)
+        self.n = n_different(env, starts.demonstrations)
         self._is_over = False
 
     def _on_rollout_start(self) -> None:
@@ -119,8 +119,7 @@ class Watch(BaseCallback):
 
     def _is_stuck(self) -> bool:
         starts = self.starts
-        is_stuck = starts.idle_steps >= STUCK
-        if is_stuck:
+        if is_stuck(starts):
             ahead = ", ".join(map(str, starts.fronts))
             warnings.warn(
                 f"The front has not come further back in {STUCK:,} steps, {ahead} steps of the "
@@ -128,7 +127,7 @@ class Watch(BaseCallback):
                 "as of gymnasium.wrappers.RepeatAction, shorten demonstrations.",
                 stacklevel=2,
             )
-        return is_stuck
+        return is_stuck(starts)
 
     def _works(self) -> bool:
         """Whether the policy succeeds as often as was asked for."""
@@ -168,6 +167,11 @@ class FrontBar(ProgressBarCallback):
     def _on_rollout_end(self) -> None:
         progress = {name: f"{share:.0%}" for name, share in progress_of(self.starts).items()}
         self.pbar.set_postfix(progress)
+
+
+def is_stuck(starts: DemonstrationStarts) -> bool:
+    """Whether no front has come further back for so long that a training ends."""
+    return starts.idle_steps >= STUCK
 
 
 def gamma_of(demonstrations: Sequence[Demonstration]) -> float:

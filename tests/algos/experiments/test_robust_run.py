@@ -119,6 +119,18 @@ def test_a_front_that_stands_still_ends_the_training(monkeypatch):
     assert model.num_timesteps < 10_000
 
 
+def test_a_training_that_stood_still_is_over(search, tmp_path, monkeypatch):
+    monkeypatch.setattr(watch, "STUCK", 2_048)
+    monkeypatch.setattr("curiosity_algos.robust.starts.GOOD", 2.0)  # no front moves
+    with pytest.warns(UserWarning, match="The front has not come further back"):
+        robustify_run(search, tmp_path, timesteps=1e5)
+    timesteps, state = Run(tmp_path).result["timesteps"], state_of(tmp_path)
+    assert timesteps < 1e4
+    robustify_run(search, tmp_path, timesteps=1e5)
+    assert Run(tmp_path).result["timesteps"] == timesteps
+    assert all((state[name] == value).all() for name, value in state_of(tmp_path).items())
+
+
 def test_mistakes_are_one_sentence(search, tmp_path):
     spec = RunSpec("ppo", ENV, 0, 1, settings={"n_steps": 8, "batch_size": 8, "device": "cpu"})
     train(spec, tmp_path / "ppo")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch as th
 from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.logger import configure
 from walk import Right, Walk
 
@@ -63,6 +64,13 @@ def with_torch_threads():
 
     yield call
     th.set_num_threads(before)
+
+
+def test_one_demonstration_needs_no_list_and_those_that_failed_are_left_out(short, demonstration):
+    failed = replace(demonstration, success=False)
+    for given in (demonstration, [failed, demonstration]):
+        model = robustify(given, Walk, total_timesteps=1, seed=0, device="cpu")
+        assert model.get_env().demonstrations == [demonstration]
 
 
 def test_threads_of_torch_change_no_bit(short, demonstration, with_torch_threads):
@@ -257,3 +265,16 @@ def test_mistakes_are_one_sentence(make_easy_maze, demonstration):
             robustify([demonstration], env)
     with pytest.raises(ValueError, match="`success`"):
         robustify([demonstration], Walk, success=1.5)
+    with pytest.raises(ValueError, match="`callback` must be one of SB3's"):
+        robustify([demonstration], Walk, callback="abc")
+    with pytest.raises(ValueError, match="`model` must have found an episode that succeeds"):
+        robustify([replace(demonstration, success=False)], Walk)
+    with pytest.raises(ValueError, match="`env` must have the observation_space of the model"):
+        robustify(model, "MountainCarContinuous-v0")
+
+    class Plain(gym.Wrapper):
+        pass
+
+    ppo = PPO("MlpPolicy", make_vec_env("CartPole-v1", wrapper_class=Plain), device="cpu")
+    with pytest.raises(ValueError, match=r"`env` must be a function .* cannot make a Plain again"):
+        robustify(ppo)

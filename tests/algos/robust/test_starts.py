@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 from walk import HORIZON, Right, Walk
 
-from curiosity_algos.robust.demonstrations import demonstrate
+from curiosity_algos.robust.demonstrations import Demonstration, demonstrate
 from curiosity_algos.robust.starts import FRESH, IS_FRESH, DemonstrationStarts, FreshMonitor
 from curiosity_algos.sb3.gymnasium_vec_env import GymnasiumVecEnv
 from curiosity_gym import MazeLayout, RecordEpisode
@@ -237,8 +237,31 @@ def test_mistakes_are_one_sentence():
         DemonstrationStarts(Walks().venv(), [])
     with pytest.raises(ValueError, match="`venv` must be a GymnasiumVecEnv"):
         DemonstrationStarts(VecMonitor(Walks().venv()), [demonstration])
+    for env in (gym.make("CartPole-v1"), gym.make("Pendulum-v1")):
+        wrong = Demonstration(0, np.full((3, 2), 7), np.zeros((3, 2)), 1.0, success=True)
+        venv = DummyVecEnv([lambda env=env: RecordEpisode(env)])
+        with pytest.raises(ValueError, match="`demonstrations` must have actions of "):
+            DemonstrationStarts(venv, [wrong])
     with pytest.raises(ValueError, match=r"one of return .* came to"):
         DemonstrationStarts(Mazes().venv(), [demonstrate_backwards()])
+
+
+@pytest.mark.parametrize(("info", "is_refused"), [({}, True), ({"is_success": True}, False)])
+def test_an_episode_must_end_with_its_reward_or_name_its_success(info, is_refused):
+    class GoesOn(Walk):
+        def step(self, action):
+            observation, reward, _, truncated, _ = super().step(action)
+            is_first = self.x >= self.goal > self.x - float(action[0])
+            return observation, reward * is_first, False, truncated, info
+
+    demonstration = demonstrate(Right(), GoesOn(), seed=3)
+    assert demonstration.total > 0.0
+    venv = DummyVecEnv([lambda: RecordEpisode(GoesOn())])
+    if is_refused:
+        with pytest.raises(ValueError, match="`env` must end an episode where it pays"):
+            DemonstrationStarts(venv, [demonstration])
+    else:
+        DemonstrationStarts(venv, [demonstration])
 
 
 def demonstrate_backwards():

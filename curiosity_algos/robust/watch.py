@@ -11,7 +11,8 @@ import gymnasium as gym
 import numpy as np
 import torch as th
 from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
+from stable_baselines3.common.callbacks import BaseCallback
+from tqdm import tqdm
 
 from curiosity_algos.robust.demonstrations import Demonstration
 from curiosity_algos.robust.imitation import Standardized, imitate
@@ -153,8 +154,10 @@ class Watch(BaseCallback):
         return not self._is_over
 
 
-class FrontBar(ProgressBarCallback):
-    """SB3's bar, with the front and how often episodes succeed.
+class FrontBar(BaseCallback):
+    """A bar of timesteps, with the front and how often episodes succeed.
+
+    It names no time that is left: most trainings end long before their budget.
 
     Args:
         starts: Of the episodes.
@@ -164,9 +167,26 @@ class FrontBar(ProgressBarCallback):
         super().__init__()
         self.starts = starts
 
+    def _on_training_start(self) -> None:
+        self._bar = tqdm(
+            total=self.locals["total_timesteps"],
+            initial=self.model.num_timesteps,
+            bar_format="{n_fmt} of {total_fmt} steps at most [{elapsed}, {rate_fmt}{postfix}]",
+            unit=" steps",
+            unit_scale=True,
+        )
+
+    def _on_step(self) -> bool:
+        assert self._bar.total is not None  # the last rollout goes over it
+        self._bar.update(min(self.model.num_timesteps, self._bar.total) - self._bar.n)
+        return True
+
     def _on_rollout_end(self) -> None:
         progress = {name: f"{share:.0%}" for name, share in progress_of(self.starts).items()}
-        self.pbar.set_postfix(progress)
+        self._bar.set_postfix(progress)
+
+    def _on_training_end(self) -> None:
+        self._bar.close()
 
 
 def is_stuck(starts: DemonstrationStarts) -> bool:

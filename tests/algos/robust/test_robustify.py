@@ -1,6 +1,7 @@
 """From found episodes to a policy that works from any start."""
 
 import io
+import re
 from dataclasses import replace
 
 import gymnasium as gym
@@ -71,6 +72,12 @@ def test_one_demonstration_needs_no_list_and_those_that_failed_are_left_out(shor
     for given in (demonstration, [failed, demonstration]):
         model = robustify(given, Walk, total_timesteps=1, seed=0, device="cpu")
         assert model.get_env().demonstrations == [demonstration]
+
+
+def test_the_bar_shows_the_front_and_no_time_that_is_left(short, demonstration, capsys):
+    robustify([demonstration], Walk, total_timesteps=2_000, device="cpu", progress_bar=True)
+    shown = capsys.readouterr().err
+    assert re.search(r"2\.00k of 2\.00k steps at most \[.*, front=\d+%, near=\d+%", shown)
 
 
 def test_threads_of_torch_change_no_bit(short, demonstration, with_torch_threads):

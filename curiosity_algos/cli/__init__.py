@@ -93,6 +93,8 @@ def main(app: typer.Typer = app) -> None:
         sys.exit(getattr(error, "exit_code", 1))
     if status == INTERRUPTED:  # typer's status, too
         print(
-            "Interrupted: a training goes on when the same command is given again.", file=sys.stderr
+            "Interrupted: a training goes on from its last checkpoint, if there is one, when the "
+            "same command is given again.",
+            file=sys.stderr,
         )
     sys.exit(status if isinstance(status, int) else 0)

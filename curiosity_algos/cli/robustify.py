@@ -61,4 +61,4 @@ def robustify(
         trust=trust,
         progress_bar=is_terminal(),
     )
-    echo(f"{folder}: {starts}")
+    echo(f"{folder}: succeeds by its best actions from {starts}")

@@ -26,7 +26,12 @@ def solve(
     timesteps: Annotated[
         float, Option("--timesteps", "-n", help="Environment steps of the training, at most.")
     ] = 1e7,
-    episodes: Annotated[int, Option(help="Episodes that end the search, from 1 to 10.")] = 10,
+    episodes: Annotated[
+        int,
+        Option(
+            help="Episodes that end the search, from 1 to 10; the best of them is learned from."
+        ),
+    ] = 10,
     success: options.Success = 0.95,
     log_folder: Annotated[
         Path,
@@ -50,9 +55,10 @@ def solve(
         bool, Option(help="Write best_policy.gif, a film of the policy, into its folder.")
     ] = True,
 ) -> None:
-    """Find an episode, and train a policy that holds by it.
+    """Find an episode that succeeds, and train a policy by it.
 
-    The search restores states of the environment. What was interrupted continues when the same
+    The search restores states of the environment. An episode succeeds if its last info says
+    is_success, or else if its return is above 0. What was interrupted continues when the same
     command is given again. The policy is PPO's, in the folder robust of the run.
 
     Example: curiosity solve CuriosityMaze-Hard-v0
@@ -79,7 +85,7 @@ def solve(
         progress_bar=options.is_terminal(),
     )
     robust = folder / "robust"
-    echo(f"{robust}: {starts}")
+    echo(f"{robust}: succeeds by its best actions from {starts}")
     if film and not can_draw(robust):
         echo(f"{env} draws no pictures: there is no film.")
     elif film:

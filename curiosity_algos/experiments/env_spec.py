@@ -90,8 +90,8 @@ def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> En
     foreign += [str(each.entry_point) for each in wrappers if not _is_known(each)]
     if foreign and not trust:
         raise ValueError(
-            f"`trust` must be given if you know who made the run: {spec.id} would run "
-            f"{', '.join(foreign)}."
+            f"`trust` must be given to run code that is not this package's: {spec.id} would run "
+            f"{', '.join(foreign)}. Give it (`--trust`) if you know who made the run."
         )
     return spec
 

@@ -54,13 +54,16 @@ def solve(
 ) -> PPO:
     """Find episodes that succeed with `GoExplore`, then train a policy by them with `robustify`.
 
-    Nothing of the environment is known but its observations and its sparse reward.
+    Nothing of the environment is known but its observations and its sparse reward. An episode
+    succeeds if its last info says `is_success`, or else if its return is above 0. Where starts are
+    drawn, the search is from one of them; the training is from all.
 
     Args:
         env: Id of the environment, or a function that makes it.
         search_timesteps: Environment steps of the search at most.
         total_timesteps: Environment steps of the training at most.
-        n_episodes: Episodes that end the search, from 1 to 10.
+        n_episodes: Episodes from its one start that end the search, from 1 to 10; the best of
+            them is learned from.
         success: Share of unseen starts that ends the training, in (0, 1].
         seed: Of all draws; None: fresh entropy.
         device: Where the networks are, as in SB3.
@@ -98,5 +101,6 @@ def found_nothing(timesteps: int) -> ValueError:
     """The error of a search that has come to its end."""
     return ValueError(
         "`search_timesteps` must be enough to find an episode that succeeds: in "
-        f"{timesteps:,} none did."
+        f"{timesteps:,} none did. An episode succeeds if its last info says `is_success`, or else "
+        "if its return is above 0: where steps cost, say `is_success`."
     )

@@ -200,7 +200,8 @@ class TestSweep:
         assert process.returncode == 130
         assert "Traceback" not in said
         assert said.endswith(
-            "Interrupted: a training goes on when the same command is given again.\n"
+            "Interrupted: a training goes on from its last checkpoint, if there is one, when the "
+            "same command is given again.\n"
         )
         assert load_runs(tmp_path)["seed"].tolist() == [0, 1]  # each has a checkpoint
         wait_for_the_end_of_runs(tmp_path)

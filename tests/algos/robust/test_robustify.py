@@ -237,7 +237,10 @@ def test_a_policy_is_tested_once_at_each_mark_of_good_steps(at_a_rollout, tested
     assert abs(tested[1] - tested[0]) >= 200
 
 
-def test_where_all_begins_alike_it_is_tested_once_a_drawn_episode_succeeded(at_a_rollout, tested):
+def test_where_all_begins_alike_it_is_tested_once_a_drawn_episode_succeeded(
+    at_a_rollout, tested, monkeypatch
+):
+    monkeypatch.setattr(watch, "imitate", lambda *_, **__: None)  # takes most of the time
     call, _ = at_a_rollout
     for fresh_rate, n_tests in [(0.0, 0), (0.01, 2)]:
         for _ in range(2 * watch.SHORT_INTERVAL // 1_024):

@@ -119,16 +119,16 @@ class Watch(BaseCallback):
                 deviation.clamp_(max=max(log_std, SMALLEST_LOG_STD))
 
     def _is_stuck(self) -> bool:
-        starts = self.starts
-        if is_stuck(starts):
-            ahead = ", ".join(map(str, starts.fronts))
-            warnings.warn(
-                f"The front has not come further back in {STUCK:,} steps, {ahead} steps of the "
-                "demonstrations are ahead of it: training ends with what there is. Longer actions, "
-                "as of gymnasium.wrappers.RepeatAction, shorten demonstrations.",
-                stacklevel=2,
-            )
-        return is_stuck(starts)
+        if not is_stuck(self.starts):
+            return False
+        ahead = ", ".join(map(str, self.starts.fronts))
+        warnings.warn(
+            f"The front has not come further back in {STUCK:,} steps, {ahead} steps of the "
+            "demonstrations are ahead of it: training ends with what there is. Longer actions, as "
+            "of gymnasium.wrappers.RepeatAction, shorten demonstrations.",
+            stacklevel=2,
+        )
+        return True
 
     def _works(self) -> bool:
         """Whether the policy succeeds as often as was asked for."""

@@ -13,6 +13,8 @@ from curiosity_algos.common.arrays import Array, Float64Array, Int64Array
 from curiosity_algos.common.neighbors import ClosestPairs, check_points, nearest_others
 from curiosity_gym.validation import check_at_least_one, check_not_negative
 
+N_COMPARED = 100
+"""Solutions whose distances are in memory at once."""
 SLACK = 0.1
 """Share of the target size by which the archive grows before it is thinned out."""
 
@@ -95,31 +97,39 @@ class UnstructuredArchive(EliteArchive):
             competed = self.compete(data["measures"], data["objective"])
             scores = dict(zip(("novelty", "local_competition"), competed, strict=True))
         n = len(data["objective"])
-        status, value = np.empty(n, dtype=np.int32), np.empty(n)
-        for i in range(n):
-            status[i], value[i] = self._insert_one(
-                {name: array[[i]] for name, array in data.items()}
-            )
+        status, value = np.full(n, NOT_ADDED, dtype=np.int32), np.empty(n)
+        for begin in range(0, n, N_COMPARED):
+            part = slice(begin, begin + N_COMPARED)
+            rows = {name: array[part] for name, array in data.items()}
+            self._insert_part(rows, status[part], value[part])
         if len(self) > (1.0 + SLACK) * self.target_size:
             self._thin_out()
         return {"status": status, "value": value, **scores}
 
-    def _insert_one(self, one: Batch) -> tuple[int, float]:
-        """Take a batch of one in: its status, and its objective or improvement."""
-        objective = float(one["objective"][0])
-        if self.empty:
-            self._write(np.array([0]), one)
-            return NEW, objective
-        distances = cdist(one["measures"], self._column("measures"))[0]
-        nearest = int(np.argmin(distances))
-        if distances[nearest] > self.threshold:
-            self._write(np.array([len(self)]), one)
-            return NEW, objective
-        improvement = objective - float(self._column("objective")[nearest])
-        if improvement > 0.0:
-            self._write(np.array([nearest]), one)
-            return IMPROVED, improvement
-        return NOT_ADDED, improvement
+    def _insert_part(self, data: Batch, status: Array, value: Float64Array) -> None:
+        """Take in solutions one after the other, and write the statuses and values (n,)."""
+        measures, objective = data["measures"], data["objective"]
+        n, size = len(objective), len(self)
+        value[:] = objective
+        taken: dict[int, int] = {}  # rows by the slots that they have
+        among = cdist(measures, measures)
+        # Of the elites, and of those that the batch brings.
+        distances = np.concatenate([cdist(measures, self._column("measures")), among], axis=1)
+        objectives = np.concatenate([self._column("objective"), objective])
+        for i in range(n):
+            slot = int(np.argmin(distances[i, :size])) if size else 0
+            if size and distances[i, slot] <= self.threshold:
+                value[i] = objective[i] - objectives[slot]
+                if value[i] <= 0.0:
+                    continue
+                status[i] = IMPROVED
+            else:
+                status[i], slot, size = NEW, size, size + 1
+            taken[slot] = i
+            distances[:, slot], objectives[slot] = among[i], objective[i]
+        if taken:
+            rows = list(taken.values())
+            self._write(np.array(list(taken)), {name: array[rows] for name, array in data.items()})
 
     def _put(self, data: Mapping[str, Array]) -> None:
         check_points(measures=data["measures"])

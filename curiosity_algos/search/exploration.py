@@ -151,17 +151,20 @@ class _Wave:
             is_found, stops = outcome.success, outcome.ended | outcome.success
         self._success[active] |= is_found
         for i in active[is_found].tolist():
-            trail = self._trails[i].then(self._taken_since(i))
+            trail = self._trails[i].then(self._taken_since()[i])
             self._found.append((trail, float(self._totals[i])))
         return stops
 
-    def _taken_since(self, i: int) -> Array:
-        return np.stack([step[i] for step in self._steps[self._since :]])
+    def _taken_since(self) -> Array:
+        """The actions (n, T, ...) since the trails' ends."""
+        return np.stack(self._steps[self._since :], axis=1)
 
     def _visit(self, active: Array, t: int) -> None:
         """Note where the explorations that go on stand."""
+        taken = self._taken_since()
         for i, state in zip(active.tolist(), self._worlds.states(active), strict=True):
-            self._trails[i] = trail = self._trails[i].then(self._taken_since(i))
+            # A copy, as one that is kept would else keep all.
+            self._trails[i] = trail = self._trails[i].then(taken[i].copy())
             place = Place(trail, float(self._totals[i]), state)
             seen = self._observations[-1][i].copy()
             self._visits.append(Visit(t, self._first + i, place, seen, self._behaviors[i]))

@@ -2,6 +2,7 @@
 
 import math
 import tracemalloc
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from saved_files import through_a_file
 
+from curiosity_algos.archives import unstructured
 from curiosity_algos.archives.base import IMPROVED, NEW, NOT_ADDED
 from curiosity_algos.archives.unstructured import UnstructuredArchive
 
@@ -166,11 +168,12 @@ def test_novelty_and_local_competition_are_brute_forces(batches, k, target_size)
 
 class TestInsertion:
     @settings(deadline=None)
-    @given(streams(), st.integers(1, 12))
-    def test_a_stream_enters_as_described(self, batches, target_size):
+    @given(streams(), st.integers(1, 12), st.sampled_from([1, 3, 100]))
+    def test_a_stream_enters_as_described(self, batches, target_size, n_compared):
         archive, plain = make_archive(target_size=target_size), Plain(target_size)
         for batch in batches:
-            info = archive.add(**as_arrays(batch))
+            with mock.patch.object(unstructured, "N_COMPARED", n_compared):
+                info = archive.add(**as_arrays(batch))
             expected = plain.add(batch)
             assert list(zip(info["status"], info["value"], strict=True)) == expected
             assert archive.threshold == plain.threshold

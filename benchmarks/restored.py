@@ -27,6 +27,7 @@ from curiosity_algos import GoExplore
 from curiosity_algos.common.arrays import Float32Array
 from curiosity_algos.evaluation.rollouts import Rollouts
 from curiosity_algos.robust.solve import Enough
+from curiosity_gym import SparseRewardWrapper
 from curiosity_gym.maze.plots import draw_layout
 
 app = typer.Typer(pretty_exceptions_enable=False)
@@ -39,11 +40,11 @@ DRAWN = [f"{kind}-seed{seed}" for kind in KINDS for seed in range(10, 14)]
 
 SEVEN_ROOMS = {"minNumRooms": 7, "maxNumRooms": 7, "maxRoomSize": 8}
 MINIGRID: dict[str, tuple[Any, ...]] = {
-    "DoorKey-16x16": ("DoorKey-16x16", {}),
-    "MultiRoom-N7-S8": ("MultiRoom-N6", SEVEN_ROOMS),
-    "KeyCorridorS8R5": ("KeyCorridorS6R3", {"room_size": 8, "num_rows": 5}),
-    "ObstructedMaze-1Q": ("ObstructedMaze-1Q", {}),
-    "ObstructedMaze-2Dlhb": ("ObstructedMaze-2Dlhb", {}),
+    "DoorKey-16x16": ("DoorKey-16x16-v0", {}),
+    "MultiRoom-N7-S8": ("MultiRoom-N6-v0", SEVEN_ROOMS),
+    "KeyCorridorS8R5": ("KeyCorridorS6R3-v0", {"room_size": 8, "num_rows": 5}),
+    "ObstructedMaze-1Q": ("ObstructedMaze-1Q-v1", {}),
+    "ObstructedMaze-2Dlhb": ("ObstructedMaze-2Dlhb-v1", {}),
 }
 """By name the id and the keywords; a seed draws a layout, in which one search searches."""
 
@@ -60,10 +61,33 @@ class Task:
 def _minigrid(name: str, **kwargs: int) -> gym.Env[Any, Any]:
     from minigrid.wrappers import ImgObsWrapper  # an extra of few
 
-    wrapped: gym.Env[Any, Any] = ImgObsWrapper(gym.make(f"MiniGrid-{name}-v0", **kwargs))
+    wrapped: gym.Env[Any, Any] = ImgObsWrapper(gym.make(f"MiniGrid-{name}", **kwargs))
     return wrapped
 
 
+def _adroit(name: str) -> gym.Env[Any, Any]:
+    import gymnasium_robotics
+
+    gym.register_envs(gymnasium_robotics)
+    return SparseRewardWrapper(gym.make(f"AdroitHand{name}Sparse-v1"), _is_success, horizon=200)
+
+
+def _is_success(_env: Any, _observation: Any, _reward: Any, info: dict[str, Any]) -> bool:
+    return bool(info["success"])
+
+
+def _mountain_car() -> gym.Env[Any, Any]:
+    return SparseRewardWrapper(gym.make("MountainCar-v0"), _is_at_the_top, horizon=200)
+
+
+def _is_at_the_top(_env: Any, observation: Any, _reward: Any, _info: dict[str, Any]) -> bool:
+    return bool(observation[0] >= 0.5)
+
+
+CONTROL = ("BallInCup", "Finger", "Stacker")
+SPARSE = ("PointMaze_UMaze", "PointMaze_Large", "CartPoleSwingUp", "AcrobotSwingUp")
+ADROIT = ("Door", "Hammer", "Pen", "Relocate")
+"""Of the hand, the tasks of Gymnasium-Robotics."""
 TASKS = {
     **{name: Task(partial(gym.make, f"CuriosityMaze-{name}-v0"), 4e6) for name in MAZES},
     **{name: Task(partial(gym.make, "CuriosityMaze-v0", layout=name), 4e6) for name in DRAWN},
@@ -71,11 +95,17 @@ TASKS = {
         name: Task(partial(gym.make, f"CuriosityLocomotion-{name}-v0"), 8e6)
         for name in ("AntTrap", "AntMaze", "HumanoidTrap")
     },
+    **{name: Task(partial(gym.make, f"CuriosityControl-{name}-v0"), 1e6) for name in CONTROL},
     **{
-        name: Task(partial(gym.make, f"CuriosityControl-{name}-v0"), 1e6)
-        for name in ("BallInCup", "Finger", "Stacker")
+        f"{name}-random": Task(
+            partial(gym.make, f"CuriosityControl-{name}-v0", random_start=True), 1e6
+        )
+        for name in CONTROL
     },
+    **{name: Task(partial(gym.make, f"CuriositySparse-{name}-v0"), 1e6) for name in SPARSE},
+    "MountainCar": Task(_mountain_car, 1e6),
     "MountainCarContinuous": Task(partial(gym.make, "MountainCarContinuous-v0"), 1e6),
+    **{f"Adroit{name}": Task(partial(_adroit, name), 5e5) for name in ADROIT},
     **{
         name: Task(partial(_minigrid, *made, **kwargs), 3e5, is_copied=True)
         for name, (*made, kwargs) in MINIGRID.items()

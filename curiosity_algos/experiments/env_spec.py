@@ -85,7 +85,9 @@ def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> En
             "in run.json is damaged, or not there."
         ) from error
     registered = gym.registry.get(spec.id)
-    is_known = registered is not None and _named(registered.entry_point) == spec.entry_point
+    is_known = False
+    if registered is not None and _named(registered.entry_point) == spec.entry_point:
+        is_known, spec.vector_entry_point = True, registered.vector_entry_point
     foreign = [] if is_known else [str(spec.entry_point)]
     foreign += [str(each.entry_point) for each in wrappers if not _is_known(each)]
     if foreign and not trust:

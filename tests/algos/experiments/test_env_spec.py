@@ -37,6 +37,7 @@ def test_an_environment_is_made_again(make):
     given = {name: value for name, value in env.spec.kwargs.items() if name != "render_mode"}
     assert again.unwrapped.spec.kwargs == given
     assert again.spec.max_episode_steps == env.spec.max_episode_steps
+    assert again.spec.vector_entry_point == env.spec.vector_entry_point  # steps it in batches
     assert again.render_mode is None
 
 

@@ -9,8 +9,8 @@ ends with its first success. Runs that `restored.csv` has are left alone.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -51,11 +51,11 @@ MINIGRID: dict[str, tuple[Any, ...]] = {
 
 @dataclass(frozen=True)
 class Task:
-    """An environment, and how many steps a search may take."""
+    """An environment, how many steps a search may take, and its settings but the defaults."""
 
     make: Callable[[], gym.Env[Any, Any]]
     timesteps: float
-    is_copied: bool = False
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 def _minigrid(name: str, **kwargs: int) -> gym.Env[Any, Any]:
@@ -107,7 +107,7 @@ TASKS = {
     "MountainCarContinuous": Task(partial(gym.make, "MountainCarContinuous-v0"), 1e6),
     **{f"Adroit{name}": Task(partial(_adroit, name), 5e5) for name in ADROIT},
     **{
-        name: Task(partial(_minigrid, *made, **kwargs), 3e5, is_copied=True)
+        name: Task(partial(_minigrid, *made, **kwargs), 3e5, {"is_copied": True, "n_steps": 20})
         for name, (*made, kwargs) in MINIGRID.items()
     },
 }
@@ -138,7 +138,8 @@ def run(
         for task in tasks or TASKS:
             for behavior in behaviors.split(","):
                 if (task, behavior, seed) not in done:
-                    add_rows(pd.DataFrame([search(task, behavior, seed)]), path, KEYS)
+                    row = pd.DataFrame([search(task, behavior, seed)]).convert_dtypes()
+                    add_rows(row, path, KEYS, _read)
 
 
 @app.command()
@@ -156,10 +157,14 @@ def picture(task: str = "rooms-4x4-door8-seed11", out: Path = IMAGES) -> None:
     figure.savefig(out / "go_explore.png", dpi=120, bbox_inches="tight")
 
 
+def _read(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path).convert_dtypes()  # whole numbers, though some are missing
+
+
 def search(task: str, behavior: str, seed: int) -> dict[str, Any]:
     """A run: timesteps and seconds until its first success, or until its end."""
     chosen, begin = TASKS[task], time.perf_counter()
-    model = WithWays(chosen.make, behavior=behavior, seed=seed, is_copied=chosen.is_copied)
+    model = WithWays(chosen.make, behavior=behavior, seed=seed, **chosen.settings)
     model.learn(chosen.timesteps, Enough(1))
     first = model.first_success_timesteps or model.first_reward_timesteps
     return {
@@ -211,6 +216,17 @@ def in_words(values: pd.DataFrame) -> str:
         f"{firsts.max():.1f} M at most. If it had walked to every restored state, it would have "
         f"needed {whole.median():.1f} M steps, and {whole.max():.1f} M at most."
     )
+
+
+def robots_in_words(values: pd.DataFrame) -> str:
+    """The same of ants among walls."""
+    parts = []
+    for task in ("AntTrap", "AntMaze"):
+        runs = values[values["task"] == task]
+        firsts = runs["first_success_timesteps"].dropna() / 1e6
+        span = f"{firsts.min():.1f} to {firsts.max():.1f}"
+        parts.append(f"of {task} in {len(firsts)} of {len(runs)} runs, after {span} M steps")
+    return f"`GoExplore` came to the goal {', and '.join(parts)}."
 
 
 def rooms_in_words(values: pd.DataFrame) -> str:

@@ -61,14 +61,14 @@ class GoExplore(EvolutionaryAlgorithm):
             environment of this package.
         behavior: What tells states apart: "learned", features of what is observed, as of `APT`; or
             "cells", those of the environment's `coverage_grid`.
-        explorer: "held": random actions, each held for ten steps on average; "linear": a linear
-            policy, a variation of the one that led to the state; "auto": both, and more often the
-            one that comes further.
+        explorer: "held": random actions, each held for ten steps on average, and discrete ones for
+            one to ten, which each exploration draws; "linear": a linear policy, a variation of the
+            one that led to the state; "auto": both, and more often the one that comes further.
         population_size: Explorations a generation.
-        n_steps: Steps of an exploration.
+        n_steps: Steps of an exploration. Five times on the way it offers where it has come to.
         archive_size: States kept with learned behavior, within 10 %.
         sigma: Standard deviation of variations of policies, above 0.
-        is_copied: Restore an environment of others by `copy.deepcopy`, not by its actions.
+        is_copied: Restore an environment of others by copies, pickled, not by its actions.
 
     Attributes:
         archive: The states: how they are told apart, the steps to there (negative, the objective),

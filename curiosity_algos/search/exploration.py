@@ -15,8 +15,8 @@ from curiosity_algos.evaluation.rollouts import Rollouts, concatenate
 from curiosity_algos.evaluation.worlds import Outcome, Worlds
 from curiosity_gym.core import CoverageGrid
 
-EVERY = 20
-"""Steps from one place of an exploration to the next."""
+N_VISITS = 5
+"""Places that an exploration notes, as far from each other as possible."""
 
 Act = Callable[[Array, int, Array], Array]
 """`act(rows, t, observations)`: actions (k, ...) for a bonus, of explorations `rows` (k,)."""
@@ -116,7 +116,7 @@ class _Wave:
 
     def play(self) -> Explorations:
         """Step all that go on."""
-        active = np.arange(len(self._trails))
+        active, every = np.arange(len(self._trails)), max(self._n_steps // N_VISITS, 1)
         for t in range(self._n_steps):
             chosen = self._act(self._first + active, t, self._observations[-1][active])
             taken = self._taken(chosen)
@@ -125,7 +125,7 @@ class _Wave:
             active = active[~self._stops(active, outcome)]
             if not len(active):
                 break
-            if (t + 1) % EVERY == 0 or t + 1 == self._n_steps:
+            if (t + 1) % every == 0 or t + 1 == self._n_steps:
                 self._visit(active, t + 1)
         return self._results()
 

@@ -20,7 +20,7 @@ HELD = "held"
 EXPLORERS = (HELD, "linear")
 
 CHANGE = 0.1
-"""Probability that a held action changes in a step."""
+"""Probability that a held action changes in a step, at least."""
 FRESH = 0.1
 """Share of policies that are drawn anew, not from the one that led to a place."""
 FARTHEST = 5.0
@@ -41,10 +41,17 @@ SPACING = 10
 Rng = np.random.Generator
 
 
-def held_outputs(rng: Rng, n: int, n_steps: int, n_outputs: int) -> Float32Array:
-    """Outputs in [-1, 1], (n, n_steps, n_outputs), which change with a probability of a tenth."""
+def held_outputs(
+    rng: Rng, n: int, n_steps: int, n_outputs: int, *, is_discrete: bool
+) -> Float32Array:
+    """Outputs in [-1, 1], (n, n_steps, n_outputs), which change with a probability of a tenth.
+
+    Of discrete actions, which may be deeds, such as to open a door, each of the n draws it: from a
+    tenth, for ten steps on average, to 1, for one step.
+    """
     drawn = rng.uniform(-1.0, 1.0, (n, n_steps, n_outputs)).astype(np.float32)
-    steps = np.where(rng.random((n, n_steps)) < CHANGE, np.arange(n_steps), 0)
+    change = CHANGE ** rng.random((n, 1)) if is_discrete else CHANGE
+    steps = np.where(rng.random((n, n_steps)) < change, np.arange(n_steps), 0)
     return drawn[np.arange(n)[:, None], np.maximum.accumulate(steps, axis=1)]
 
 
@@ -160,7 +167,11 @@ class Explorers:
         is_held = np.array([name == HELD for name in self._names])[explorers]
         children = self._linear.vary(rng, parents, sigma)
         policies = np.where(is_held[:, None], parents, children)
-        return Plan(explorers, policies, is_held, held_outputs(rng, n, n_steps, len(self._mlp.low)))
+        return Plan(explorers, policies, is_held, self._held(n, n_steps))
+
+    def _held(self, n: int, n_steps: int) -> Float32Array:
+        n_outputs, is_discrete = len(self._mlp.low), self._mlp.is_discrete
+        return held_outputs(self._rng, n, n_steps, n_outputs, is_discrete=is_discrete)
 
     def act(self, plan: Plan, rows: Int64Array, t: int, observations: Array) -> ActionArray:
         """Actions for a bonus of explorations `rows` (k,) in their step t."""
@@ -175,8 +186,7 @@ class Explorers:
 
     def walk(self, n_steps: int) -> Array:
         """Random actions (n_steps, ...) of the environment."""
-        outputs = held_outputs(self._rng, 1, n_steps, len(self._mlp.low))[0]
-        return self._acted.taken(self._choose(outputs))
+        return self._acted.taken(self._choose(self._held(1, n_steps)[0]))
 
     def learn(self, plan: Plan, distances: Float64Array, rollouts: Rollouts) -> None:
         """Record how far (P,) explorations came, and standardize by what they observed."""

@@ -226,7 +226,7 @@ def make_short(env):
 
 @pytest.mark.parametrize("env", [Coin, Stay])
 def test_an_exploration_finds_a_reward_once(env):
-    model = GoExplore(lambda: make_short(env()), **SMALL)
+    model = GoExplore(lambda: make_short(env()), **SMALL | {"n_steps": 60})  # to its end
     counts = []
     model.learn(4_000, callback=lambda *_: counts.append(len(model._explored.found)) or True)
     assert model.episodes

@@ -23,13 +23,22 @@ def rollouts(n):
 
 
 def test_held_actions_change_in_a_tenth_of_the_steps():
-    outputs = held_outputs(np.random.default_rng(0), 200, 100, 2)
+    outputs = held_outputs(np.random.default_rng(0), 200, 100, 2, is_discrete=False)
     assert np.abs(outputs).max() <= 1.0
     changes = (outputs[:, 1:] != outputs[:, :-1]).all(axis=2)
     assert changes.mean() == pytest.approx(0.1, abs=0.01)
     np.testing.assert_array_equal(
         changes, (outputs[:, 1:] != outputs[:, :-1]).any(axis=2)
     )  # all entries at once
+
+
+def test_discrete_actions_are_held_for_one_to_ten_steps_on_average():
+    outputs = held_outputs(np.random.default_rng(0), 500, 2000, 2, is_discrete=True)
+    changes = (outputs[:, 1:] != outputs[:, :-1]).any(axis=2).mean(axis=1)
+    expected = [0.1, 0.1**0.75, 0.1**0.5, 0.1**0.25, 1.0]
+    np.testing.assert_allclose(
+        np.quantile(changes, [0.0, 0.25, 0.5, 0.75, 1.0]), expected, atol=0.04
+    )
 
 
 def test_linear_policies_are_those_of_standardized_observations():

@@ -196,6 +196,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "dynamics-random": partial(make_table, read_rows, "dynamics_random", dynamics.random_table),
     "restored-words": partial(make_table, read_rows, "restored", restored.in_words),
     "restored": partial(make_table, read_rows, "restored", restored.table),
+    "restored-robots": partial(make_table, read_rows, "restored", restored.robots_in_words),
     "restored-rooms": partial(make_table, read_rows, "restored", restored.rooms_in_words),
     "summary-of-speed": partial(summary_of, HEADLINES),
     "paper-claims": partial(paper_tables.claims, "paper"),

@@ -30,6 +30,9 @@ def sphere(solutions):
     return objectives, np.stack([half.sum(axis=1) for half in halves], axis=1)
 
 
+NIGHTLY = pytest.mark.nightly  # each strategy is compiled, for half a minute
+
+
 def make_cma_me(**changes):
     env = BehaviorWrapper(Linear(), behave, gym.spaces.Box(-150.0, 150.0, (2,)))
     settings = {"policy_kwargs": {"net_arch": []}, "n_cells": 20, "seed": 0, "sigma": 0.5}
@@ -41,7 +44,9 @@ def climb(scheduler, n_generations, **fields):
         scheduler.tell(*sphere(scheduler.ask()), **fields)
 
 
-@pytest.mark.parametrize("es", STRATEGIES)
+@pytest.mark.parametrize(
+    "es", [pytest.param(es, marks=NIGHTLY if es == "lm_ma_es" else ()) for es in STRATEGIES]
+)
 def test_its_emitter_improves_the_sphere_in_100_dimensions(es):
     model = make_cma_me(es=es)
     assert model.policy.mlp.n_parameters == 100

@@ -55,7 +55,14 @@ class TestTinyMdp:
     @pytest.mark.parametrize(
         # Left out is who forgets all but the episode, who pays in any, and what may be negative.
         "bonus",
-        sorted(set(BONUSES) - {"e3b", "etd", "ngu", "ramp"}),
+        [
+            "apt",
+            "rnd",
+            *(
+                pytest.param(bonus, marks=pytest.mark.nightly)
+                for bonus in sorted(set(BONUSES) - {"apt", "rnd", "e3b", "etd", "ngu", "ramp"})
+            ),
+        ],
     )
     def test_our_bonuses_fall_where_they_were_trained_alone(self, bonus):
         learned = check_bonus(maker(BONUSES[bonus]), 0)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
 
-import cloudpickle
 import gymnasium as gym
 import numpy as np
 from gymnasium.utils import seeding
@@ -209,8 +209,8 @@ class OneWorld(Worlds):
 
     Args:
         env: The environment.
-        is_copied: Whether copies of it are kept, pickled; else episodes are played again from
-            their starts.
+        is_copied: Whether copies of it are kept, by `copy.deepcopy`; else episodes are played
+            again from their starts.
     """
 
     n = 1
@@ -226,7 +226,8 @@ class OneWorld(Worlds):
     def restore(self, places: Sequence[Place]) -> Array:
         (place,) = places
         if place.state is not None:
-            self._env, self._last = cloudpickle.loads(place.state)
+            env, self._last = place.state
+            self._env = copy.deepcopy(env)
         else:
             self._last = self._env.reset(seed=self.seed)
             for action in place.actions:
@@ -256,7 +257,7 @@ class OneWorld(Worlds):
         if not self._is_copied:
             return [None]
         try:
-            return [cloudpickle.dumps((self._env, self._last))]
+            return [copy.deepcopy((self._env, self._last))]
         except Exception as error:  # whatever an environment's parts raise
             raise ValueError(
                 f"`is_copied` must be False for `env`, which cannot be copied: {error}."

@@ -68,7 +68,7 @@ class GoExplore(EvolutionaryAlgorithm):
         n_steps: Steps of an exploration. Five times on the way it offers where it has come to.
         archive_size: States kept with learned behavior, within 10 %.
         sigma: Standard deviation of variations of policies, above 0.
-        is_copied: Restore an environment of others by copies, pickled, not by its actions.
+        is_copied: Restore an environment of others by `copy.deepcopy`, not by its actions.
 
     Attributes:
         archive: The states: how they are told apart, the steps to there (negative, the objective),

@@ -87,7 +87,10 @@ def decode_spec(encoded: Mapping[str, Any] | None, *, trust: bool = False) -> En
     registered = gym.registry.get(spec.id)
     is_known = False
     if registered is not None and _named(registered.entry_point) == spec.entry_point:
-        is_known, spec.vector_entry_point = True, registered.vector_entry_point
+        is_known = True
+        batch = _named(registered.vector_entry_point)
+        if batch and batch.startswith(f"{curiosity_gym.__name__}."):  # others step none of a run's
+            spec.vector_entry_point = batch
     foreign = [] if is_known else [str(spec.entry_point)]
     foreign += [str(each.entry_point) for each in wrappers if not _is_known(each)]
     if foreign and not trust:

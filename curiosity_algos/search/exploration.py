@@ -16,7 +16,7 @@ from curiosity_algos.evaluation.worlds import Outcome, Worlds
 from curiosity_gym.core import CoverageGrid
 
 N_VISITS = 5
-"""Places that an exploration notes, as far from each other as possible."""
+"""Places that an exploration notes, as far from each other as possible, the last at its end."""
 
 Act = Callable[[Array, int, Array], Array]
 """`act(rows, t, observations)`: actions (k, ...) for a bonus, of explorations `rows` (k,)."""
@@ -116,7 +116,7 @@ class _Wave:
 
     def play(self) -> Explorations:
         """Step all that go on."""
-        active, every = np.arange(len(self._trails)), max(self._n_steps // N_VISITS, 1)
+        active = np.arange(len(self._trails))
         for t in range(self._n_steps):
             chosen = self._act(self._first + active, t, self._observations[-1][active])
             taken = self._taken(chosen)
@@ -125,7 +125,7 @@ class _Wave:
             active = active[~self._stops(active, outcome)]
             if not len(active):
                 break
-            if (t + 1) % every == 0 or t + 1 == self._n_steps:
+            if (t + 1) * N_VISITS // self._n_steps > t * N_VISITS // self._n_steps:
                 self._visit(active, t + 1)
         return self._results()
 
@@ -151,7 +151,7 @@ class _Wave:
             is_found, stops = outcome.success, outcome.ended | outcome.success
         self._success[active] |= is_found
         for i in active[is_found].tolist():
-            trail = self._trails[i].then(self._taken_since()[i])
+            trail = self._trails[i].then(np.stack([each[i] for each in self._steps[self._since :]]))
             self._found.append((trail, float(self._totals[i])))
         return stops
 

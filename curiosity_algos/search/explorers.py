@@ -46,8 +46,8 @@ def held_outputs(
 ) -> Float32Array:
     """Outputs in [-1, 1], (n, n_steps, n_outputs), which change with a probability of a tenth.
 
-    Of discrete actions, which may be deeds, such as to open a door, each of the n draws it: from a
-    tenth, for ten steps on average, to 1, for one step.
+    Discrete actions may be deeds, such as to open a door. There each of the n draws its own
+    probability, from a tenth to 1.
     """
     drawn = rng.uniform(-1.0, 1.0, (n, n_steps, n_outputs)).astype(np.float32)
     change = CHANGE ** rng.random((n, 1)) if is_discrete else CHANGE

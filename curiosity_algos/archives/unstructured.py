@@ -128,8 +128,9 @@ class UnstructuredArchive(EliteArchive):
             taken[slot] = i
             distances[:, slot], objectives[slot] = among[i], objective[i]
         if taken:
-            rows = list(taken.values())
-            self._write(np.array(list(taken)), {name: array[rows] for name, array in data.items()})
+            rows = sorted(taken.values())  # of equals the first is the best
+            slots = sorted(taken, key=taken.__getitem__)
+            self._write(np.array(slots), {name: array[rows] for name, array in data.items()})
 
     def _put(self, data: Mapping[str, Array]) -> None:
         check_points(measures=data["measures"])

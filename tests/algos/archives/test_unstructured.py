@@ -180,6 +180,11 @@ class TestInsertion:
             for name, values in as_arrays(plain.elites).items():
                 np.testing.assert_array_equal(archive.data(name), values)
 
+    def test_of_equals_the_first_to_come_is_the_best(self):
+        archive = make_archive(threshold=1.0)
+        archive.add([[0.0], [1.0], [2.0]], [1.0, 5.0, 5.0], [[0.0, 0.0], [9.0, 9.0], [0.0, 0.0]])
+        assert archive.best_elite["solution"] == 1.0
+
     @pytest.mark.parametrize("target_size", [1, 10, 19, 110])
     def test_it_grows_by_a_tenth_before_it_is_thinned_out(self, target_size):
         n = 11 * target_size // 10
